@@ -6,7 +6,8 @@
 //!
 //! ```no_run
 //! use relief::{
-//!     AdapterChoice, FileFormat, Gpu, Orbit, Product, Renderer, SceneFile, Strictness, discover, encode, load,
+//!     AdapterChoice, FileFormat, Gpu, Orbit, Product, Renderer, SceneFile, Strictness, Subject, discover,
+//!     encode, load,
 //! };
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,7 +18,7 @@
 //! // Render bone from the left, in colour and depth.
 //! let scene = SceneFile::parse(br#"{ "transfer": { "preset": "bone" }, "display": { "layout": "wowvx" } }"#)?;
 //! let orbit = Orbit { azimuth_deg: 90.0, ..Orbit::default() };
-//! let scene = scene.resolve(volume.grid(), &orbit)?;
+//! let scene = scene.resolve_for(&Subject::of(&volume, None), &orbit)?;
 //! let mut renderer = Renderer::new(Gpu::open(&AdapterChoice::Best)?)?;
 //! let frame = renderer.render(&volume, &scene.request)?;
 //!
@@ -46,7 +47,7 @@ pub use relief_volume::{Grid, LabelMap, Phantom, PhantomKind, PhantomRecipe, Vol
 // Render.
 pub use relief_base::{DepthLimits, Patient, Point, Vector, ViewDepth};
 pub use relief_render::{
-    AdapterChoice, DepthRule, Gpu, Mode, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile,
+    AdapterChoice, DepthRule, Gpu, Mode, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile, Subject,
 };
 pub use relief_volume::{Camera, Orbit, PRESETS, Projection, TransferFunction};
 // Encode.

@@ -6,6 +6,7 @@ mod batch;
 mod browser;
 mod client;
 mod cluster;
+mod commands;
 mod common;
 #[path = "common/postgres.rs"]
 mod postgres_server;

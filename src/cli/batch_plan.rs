@@ -8,11 +8,11 @@ use serde_json::{Map, Value, json};
 
 use super::bucket::CopiesArguments;
 use super::output::{GrowingFile, print_json, say};
-use crate::batch_shared::bar;
+use crate::batch_shared::{bar, folder_of};
 use relief_annotation::ShownSets;
 use relief_batch::plan;
 use relief_batch::{AnnotationLog, Product, ProductSet, Query, Request, Root, ViewSet};
-use relief_render::SceneFile;
+use relief_render::{FramingRule, SceneFile};
 use relief_volume::Orbit;
 
 /// Write the jobs: one for each view of each series
@@ -57,7 +57,11 @@ pub(super) struct PlanArguments {
     /// Width and height of pictures, where the layout does not say
     #[arg(long, value_name = "WxH", value_parser = super::scene::parse_size)]
     size: Option<[u32; 2]>,
-    /// 1 fits the whole volume, and shows 160 mm around a landmark; larger is closer
+    /// What zoom 1 fits to the picture: what is visible, all tissue, or the bounding sphere of the
+    /// volume [default: visible]
+    #[arg(long, value_name = "RULE", value_parser = super::choices::framing_rules())]
+    frame: Option<FramingRule>,
+    /// 1 fits the whole (see --frame), and shows 160 mm around a landmark; larger is closer
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     zoom: f64,
     /// Outputs of each view: frame (2D plus depth), color, depth (EXR, mm), depth-png (16 bits),
@@ -104,7 +108,10 @@ pub(super) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
         eprintln!("warning: {}: {reason}", path.display());
     }
     let mut manifest = GrowingFile::create(&arguments.out)?;
-    planned.jobs.iter().try_for_each(|job| manifest.line(&serde_json::to_string(job)?))?;
+    let folder = folder_of(&arguments.out);
+    for job in &planned.jobs {
+        manifest.line(&serde_json::to_string(&job.clone().relative_to(folder)?)?)?;
+    }
     manifest.finish()?;
     if arguments.json {
         let skipped: Vec<_> = planned
@@ -198,6 +205,9 @@ fn shared_scene(arguments: &PlanArguments) -> anyhow::Result<Map<String, Value>>
     }
     if let Some(size_px) = arguments.size {
         scene.insert("size_px".to_owned(), size_px.to_vec().into());
+    }
+    if let Some(rule) = arguments.frame {
+        scene.insert("frame".to_owned(), rule.name().into());
     }
     if scene.contains_key("budget_ms") {
         bail!("budget_ms makes pictures depend on the machine; leave it out of a batch");

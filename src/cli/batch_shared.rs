@@ -1,7 +1,8 @@
 //! What the subcommands of `relief batch` share: memory, progress and the manifest.
 
+use std::collections::BTreeSet;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -17,7 +18,28 @@ pub(super) const TRY_AGAIN: u8 = 75;
 pub(super) fn read(manifest: &Path) -> anyhow::Result<Vec<Job>> {
     let file =
         std::fs::File::open(manifest).with_context(|| format!("cannot read {}", manifest.display()))?;
-    read_manifest(BufReader::new(file)).with_context(|| format!("{} is no manifest", manifest.display()))
+    let jobs = read_manifest(BufReader::new(file))
+        .with_context(|| format!("{} is no manifest", manifest.display()))?;
+    let folder = folder_of(manifest);
+    let jobs = jobs.into_iter().map(|job| job.resolved_in(folder));
+    let mut jobs: Vec<Job> = jobs.collect::<std::io::Result<_>>()?;
+    let missing: BTreeSet<PathBuf> = jobs.iter_mut().flat_map(Job::missing_paths).collect();
+    for path in missing {
+        eprintln!(
+            "warning: {} does not exist, neither in {} nor in the current folder",
+            path.display(),
+            folder.display()
+        );
+    }
+    Ok(jobs)
+}
+
+/// The folder of a manifest, which its relative paths start from.
+pub(super) fn folder_of(manifest: &Path) -> &Path {
+    match manifest.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
 }
 
 /// Bytes for volumes: voxels in memory, and their copies on an adapter.

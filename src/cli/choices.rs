@@ -5,12 +5,24 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use relief_display::Layout;
 use relief_exchange::Format;
-use relief_render::DepthRule;
+use relief_render::{DepthRule, FramingRule, TableRule};
 
 /// The depth rules, each with its summary in the long help.
 pub(super) fn depth_rules() -> impl TypedValueParser<Value = DepthRule> {
     let values = DepthRule::TABLE.map(|entry| PossibleValue::new(entry.name).help(entry.summary));
     PossibleValuesParser::new(values).map(|name| DepthRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
+}
+
+/// What a camera is fitted to.
+pub(super) fn framing_rules() -> impl TypedValueParser<Value = FramingRule> {
+    let values = FramingRule::ALL.map(|rule| PossibleValue::new(rule.name()));
+    PossibleValuesParser::new(values).map(|name| FramingRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
+}
+
+/// Whether the table is shown.
+pub(super) fn table_rules() -> impl TypedValueParser<Value = TableRule> {
+    let values = TableRule::ALL.map(|rule| PossibleValue::new(rule.name()));
+    PossibleValuesParser::new(values).map(|name| TableRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
 }
 
 /// `what`, with the layouts for which `is_listed` holds.

@@ -47,6 +47,13 @@ fn run_session(
         bail!("this program was built without its window (feature window); --headless works without one");
     }
     drop(remote);
+    let is_idle =
+        arguments.headless.save_frame.is_none() && arguments.record.is_none() && !arguments.remote.is_there();
+    if is_idle {
+        eprintln!(
+            "keeping a session open until Ctrl-C; --save-frame, --record and --wiimote give it something to do"
+        );
+    }
     let watch = FrameCounter::new(&handle, &recorder);
     let save = arguments.headless.save_frame.as_deref();
     let outcome = runtime.block_on(async {

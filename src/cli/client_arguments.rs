@@ -8,7 +8,7 @@ use super::client_remote::RemoteArguments;
 use super::scene::parse_size;
 use relief_annotation::ShownSets;
 use relief_client::ServerAddress;
-use relief_display::Layout;
+use relief_display::{Layout, ProfileName};
 use relief_live::{LiveLayout, OrbitPose, check_view_name};
 
 /// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
@@ -29,7 +29,8 @@ pub(super) struct ClientArguments {
     /// Name of a view that several clients share; one of its own when left out
     #[arg(long, value_name = "NAME", value_parser = view_name)]
     pub(super) view: Option<String>,
-    /// Volume, by its id; the first one when left out
+    /// Volume, by its id; the server's first one when left out, also after the server was restarted with
+    /// another
     #[arg(long, value_name = "ID")]
     pub(super) volume: Option<String>,
     /// Whether this client may move the view, or looks
@@ -41,6 +42,10 @@ pub(super) struct ClientArguments {
     /// Look from there: azimuth and elevation, degrees, and zoom if you like
     #[arg(long, value_name = "AZ,EL[,ZOOM]", value_parser = parse_look, allow_hyphen_values = true)]
     pub(super) look: Option<OrbitPose>,
+    /// The display: philips-20, philips-42 or dimenco-4k, for its frame size and depth curve; that of the
+    /// layout when left out
+    #[arg(long, value_name = "NAME", value_parser = profile_name)]
+    pub(super) profile: Option<ProfileName>,
     #[arg(long, value_name = "NAME", help = layouts("Layout of the frame", is_streamed))]
     pub(super) layout: Option<Layout>,
     /// Depth effect that the display's header asks for; 64 is 100 %
@@ -62,9 +67,14 @@ pub(super) struct ClientArguments {
     /// Author of placed annotations
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     pub(super) author: Option<String>,
-    /// Wait for a server that is not there yet
+    /// Wait for a server or a volume that is not there yet: so it is without --save-frame, --measure
+    /// and --replay
+    #[arg(long, conflicts_with = "no_wait")]
+    wait: bool,
+    /// End where the server or the volume is not there yet: so it is with --save-frame, --measure
+    /// and --replay
     #[arg(long)]
-    pub(super) wait: bool,
+    no_wait: bool,
     #[command(flatten)]
     pub(super) remote: RemoteArguments,
     #[command(flatten)]
@@ -109,6 +119,13 @@ pub(super) struct HeadlessArguments {
 }
 
 impl ClientArguments {
+    /// Whether the client waits for a server or a volume that is not there yet.
+    pub(super) fn waits(&self) -> bool {
+        let is_one_task =
+            self.headless.save_frame.is_some() || self.headless.measure.is_some() || self.replay.is_some();
+        self.wait || !(self.no_wait || is_one_task)
+    }
+
     /// Whether the server is on this machine.
     pub(super) fn is_local(&self) -> bool {
         let host = self.server.target().0;
@@ -118,7 +135,7 @@ impl ClientArguments {
 
 const AFTER_HELP: &str = "\
 Without --headless a window shows the frames, one pixel of a frame on one pixel of the display. A lost connection is made again,
-and the session goes on where it was.
+and the session goes on where it was. After 3 s without a connection the window shows \"waiting for HOST\" in place of the picture.
 
 Mouse: drag turns, right drag shifts, the wheel zooms, Ctrl and click sets the cursor.
 Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Down cut, space places, U takes back, N next label,
@@ -133,6 +150,12 @@ Examples:
 
 fn view_name(name: &str) -> Result<String, String> {
     check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.reason)
+}
+
+fn profile_name(name: &str) -> Result<ProfileName, String> {
+    let names = || ProfileName::ALL.map(ProfileName::name).join(", ");
+    let found = ProfileName::ALL.into_iter().find(|profile| profile.name() == name);
+    found.ok_or_else(|| format!("displays are {}", names()))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -177,7 +200,8 @@ pub(super) struct WindowArguments {
     /// Which monitor, from 0, from left to right
     #[arg(long, value_name = "N", conflicts_with = "headless")]
     pub(super) monitor: Option<usize>,
-    /// Never draw marks of state into the picture's lower left corner
+    /// Never draw marks of state into the picture's lower left corner; a picture that is out of date is
+    /// replaced by text even so
     #[arg(long, conflicts_with = "headless")]
     pub(super) clean: bool,
 }

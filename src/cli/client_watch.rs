@@ -1,5 +1,6 @@
 //! `relief client` without a window: prints and records events, and keeps the newest still frame.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -60,16 +61,37 @@ impl Recorder {
     }
 }
 
-/// Tells people how the connection is, on stderr; nothing of patients.
-pub(super) fn tell(event: &Event) {
+/// Prints changes of the connection to stderr, each once; nothing of patients.
+#[derive(Debug, Default)]
+pub(super) struct LinkLog {
+    /// Reasons that were printed since the last connection: attempts go on every 800 ms.
+    printed: Mutex<BTreeSet<String>>,
+}
+
+impl LinkLog {
+    pub(super) fn take(&self, event: &Event) {
+        let mut printed = self.printed.lock().unwrap_or_else(PoisonError::into_inner);
+        match event {
+            Event::State(LinkState::Connected { resumed, view, .. }) => {
+                let how = if *resumed { "resumed" } else { "connected" };
+                eprintln!("{how}: view {view}");
+                printed.clear();
+            }
+            Event::State(LinkState::Lost { reason, .. }) => {
+                if printed.insert(reason.clone()) {
+                    eprintln!("{reason}; trying again until the server answers");
+                }
+            }
+            Event::State(LinkState::Silent) => eprintln!("the server is silent"),
+            Event::State(LinkState::Heard) => eprintln!("the server answers again"),
+            other => tell(other),
+        }
+    }
+}
+
+/// Prints refusals and unreadable messages to stderr.
+fn tell(event: &Event) {
     match event {
-        Event::State(LinkState::Connected { resumed, view, .. }) => {
-            let how = if *resumed { "resumed" } else { "connected" };
-            eprintln!("{how}: view {view}");
-        }
-        Event::State(LinkState::Lost { reason, retry }) => {
-            eprintln!("{reason}; trying again in {} ms", retry.as_millis());
-        }
         Event::Message(message) => {
             if let ServerMessage::Error(error) = message.as_ref() {
                 let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
@@ -81,7 +103,7 @@ pub(super) fn tell(event: &Event) {
             }
         }
         Event::Unreadable(reason) => eprintln!("a message of the server cannot be read: {reason}"),
-        Event::State(LinkState::Connecting) | Event::Sent(_) | Event::Frame(_) => {}
+        Event::State(_) | Event::Sent(_) | Event::Frame(_) => {}
     }
 }
 
@@ -92,6 +114,7 @@ const QUIET: Duration = Duration::from_secs(2);
 pub(super) struct FrameCounter<'a> {
     handle: &'a Handle,
     recorder: &'a Recorder,
+    log: LinkLog,
     still: Mutex<Option<Received>>,
     connected: Mutex<bool>,
     /// When the last frame or state came.
@@ -103,17 +126,19 @@ impl<'a> FrameCounter<'a> {
     pub(super) fn new(handle: &'a Handle, recorder: &'a Recorder) -> Self {
         let (still, connected) = (Mutex::new(None), Mutex::new(false));
         let (moved, changed) = (Mutex::new(Instant::now()), Notify::new());
-        Self { handle, recorder, still, connected, moved, changed }
+        let log = LinkLog::default();
+        Self { handle, recorder, log, still, connected, moved, changed }
     }
 
     pub(super) fn take(&self, event: Event) {
-        tell(&event);
+        self.log.take(&event);
         self.recorder.keep(self.handle.now_ns(), &event);
         match event {
             Event::Frame(received) => {
                 self.handle.ack(received.connection, received.header.sequence);
                 *self.still() = received.header.still.then_some(received);
             }
+            Event::State(LinkState::Silent | LinkState::Heard) => {}
             Event::State(state) => {
                 *self.connected() = matches!(state, LinkState::Connected { .. });
             }

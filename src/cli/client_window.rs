@@ -3,13 +3,13 @@
 use std::time::Duration;
 
 use super::client_remote::Tracking;
-use super::client_watch::{self, Recorder};
+use super::client_watch::{LinkLog, Recorder};
 use super::serve::stop_signal;
 use crate::client_arguments::WindowArguments;
 use crate::client_session::Session;
-use relief_client::{Event, Handle, LinkState, Screen, Window, WindowOptions};
-use relief_display::DisplaySettings;
+use relief_client::{Event, Handle, Lettering, LinkState, Screen, Window, WindowOptions};
 use relief_live::{OrbitPose, PoseKind, Role};
+use relief_render::{TextMask, text_mask};
 
 /// Interval at which the window gets the state of tracking.
 const TRACKING: Duration = Duration::from_millis(100);
@@ -24,14 +24,19 @@ pub(super) fn run(
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<()> {
     let window = Window::new()?;
-    let display = DisplaySettings { layout: session.layout, ..DisplaySettings::default() };
+    let (host, port) = session.options.server.target();
     let options = WindowOptions {
         fullscreen: arguments.fullscreen && !arguments.windowed,
         monitor: arguments.monitor,
         clean: arguments.clean,
         layout: session.layout,
-        frame_px: display.profile()?.frame_px(),
+        frame_px: session.frame_px,
         presents: session.options.hello.role == Role::Presenter,
+        waiting: format!("waiting for {host}:{port}"),
+        lettering: |text, height_px| {
+            let TextMask { size_px, coverage } = text_mask(text, height_px);
+            Lettering { size_px, coverage }
+        },
     };
     let recorder = std::sync::Arc::new(recorder);
     let running = {
@@ -39,6 +44,7 @@ pub(super) fn run(
             screen: window.screen(),
             handle: handle.clone(),
             recorder: std::sync::Arc::clone(&recorder),
+            log: LinkLog::default(),
             look: std::sync::Mutex::new(look),
         };
         let options = session.options.clone();
@@ -86,12 +92,13 @@ struct Live {
     screen: Screen,
     handle: Handle,
     recorder: std::sync::Arc<Recorder>,
+    log: LinkLog,
     look: std::sync::Mutex<Option<OrbitPose>>,
 }
 
 impl Live {
     fn take(&self, event: &Event) {
-        client_watch::tell(event);
+        self.log.take(event);
         self.recorder.keep(self.handle.now_ns(), event);
         self.screen.take(event);
         if matches!(event, Event::State(LinkState::Connected { .. })) {

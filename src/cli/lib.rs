@@ -47,6 +47,7 @@ mod serve;
 mod serve_identity;
 mod serve_load;
 mod serve_readers;
+mod serve_series;
 mod slice;
 mod source;
 mod text_file;

@@ -13,7 +13,7 @@ use super::output::{print_json, say, write_whole};
 use super::source::{SeriesOptions, load};
 use super::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
-use relief_render::{RenderedFrame, preset_json};
+use relief_render::{RenderedFrame, Subject, preset_json};
 use relief_session::encode;
 use relief_session::{FileFormat, Product, THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 use relief_volume::{PRESETS, PhantomKind, PhantomRecipe, Preset, Volume};
@@ -132,7 +132,7 @@ fn thumbnails(arguments: &PresetsArguments, folder: &Path) -> anyhow::Result<Exi
     std::fs::create_dir_all(folder)?;
     let mut shown = Vec::with_capacity(PRESETS.len());
     for preset in PRESETS {
-        let scene = thumbnail_scene(preset, volume.grid(), THUMBNAIL_SIZE_PX)?;
+        let scene = thumbnail_scene(preset, &Subject::of(&volume, None), THUMBNAIL_SIZE_PX)?;
         let frame: RenderedFrame = renderer.render(&volume, &scene.request)?;
         let png = encode(&frame, &scene.display, Product::Frame, FileFormat::Png)?;
         write_whole(&folder.join(format!("{}.png", preset.name)), &png)?;

@@ -15,7 +15,9 @@ use super::scene::SceneArguments;
 use super::source::SeriesArguments;
 use super::views;
 use relief_annotation::ShownSets;
-use relief_render::{Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_render::{
+    EmptyCause, Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, Subject,
+};
 use relief_session::encode;
 use relief_session::{FileFormat, Product, SpeedBook};
 use relief_volume::Volume;
@@ -132,7 +134,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let labels = series.load_labels(loaded.volume.grid())?;
-    let mut scene = scene_file.resolve_labelled(loaded.volume.grid(), &scene.orbit(), labels.as_ref())?;
+    let mut scene = scene_file.resolve_for(&Subject::of(&loaded.volume, labels.as_ref()), &scene.orbit())?;
     draw_annotations(annotations.as_deref(), &loaded, &mut scene)?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
@@ -144,6 +146,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
     let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
+    warn_of_emptiness(&loaded.volume, &scene, &frame);
     let made = match choice {
         views::ViewChoice::Synthesised => None,
         _ => Some(views::make(choice, &scene, &frame, &mut renderer, &loaded.volume, render)?),
@@ -156,8 +159,9 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         };
         write_whole(&output.path, &bytes)?;
     }
-    let outputs = (out.path.as_path(), depth_out.as_ref().map(|out| out.path.as_path()));
-    report(&renderer, (&scene, &frame), (outputs, made.as_ref()), json)
+    let depth_out = depth_out.as_ref().map(|out| out.path.as_path());
+    let written = Written { out: &out.path, depth_out, views: made.as_ref() };
+    report(&renderer, &scene, &frame, &written, json)
 }
 
 /// Renders as the mode wants it.
@@ -231,22 +235,59 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
     Ok(())
 }
 
+/// Says why a picture shows nothing, or why its depth does not.
+fn warn_of_emptiness(volume: &Volume, scene: &Scene, frame: &RenderedFrame) {
+    let depths = || frame.depth_mm.iter().filter(|depth| depth.is_finite()).map(|depth| f64::from(*depth));
+    if depths().next().is_none() {
+        eprintln!("warning: nothing is visible: {}", EmptyCause::of(volume, &scene.request));
+        return;
+    }
+    let Ok(limits) = frame.limits_for(&scene.display) else { return };
+    if !depths().any(|depth| limits.near_mm < depth && depth < limits.far_mm) {
+        let (low, high) = depths().fold((f64::MAX, f64::MIN), |(low, high), mm| (low.min(mm), high.max(mm)));
+        eprintln!(
+            "warning: near_mm and far_mm, {:.1} to {:.1}, leave out all that is visible, at {low:.1} to {high:.1} mm: the picture has no depth",
+            limits.near_mm, limits.far_mm
+        );
+    }
+}
+
+/// What was chosen for the anatomy, and why.
+fn chosen(scene: &Scene) -> Option<String> {
+    let anatomy = scene.chosen?;
+    if matches!(scene.request.mode, Mode::Slice(_)) {
+        let [center, width] = anatomy.window_hu();
+        return Some(format!("window {center},{width} HU for {anatomy}; --window-hu shows another"));
+    }
+    Some(format!("preset {} for {anatomy}; --preset shows another", anatomy.preset().name))
+}
+
+/// The files of a picture.
+struct Written<'a> {
+    out: &'a Path,
+    depth_out: Option<&'a Path>,
+    views: Option<&'a views::ViewFile>,
+}
+
 fn report(
     renderer: &Renderer,
-    (scene, frame): (&Scene, &RenderedFrame),
-    ((out, depth_out), views): ((&Path, Option<&Path>), Option<&views::ViewFile>),
+    scene: &Scene,
+    frame: &RenderedFrame,
+    &Written { out, depth_out, views }: &Written<'_>,
     json: bool,
 ) -> anyhow::Result<ExitCode> {
     let adapter = renderer.gpu().description();
+    let limits = frame.limits_for(&scene.display)?;
     let rays_px = scene.request.reduced_px.unwrap_or(frame.size_px);
     if json {
         let mut made = serde_json::json!({
             "out": out,
             "depth_out": depth_out,
             "size_px": frame.size_px,
-            "near_mm": frame.limits.near_mm,
-            "far_mm": frame.limits.far_mm,
+            "near_mm": limits.near_mm,
+            "far_mm": limits.far_mm,
             "edges": frame.camera.edge_labels(),
+            "chosen": chosen(scene),
             "adapter": adapter.name,
             "driver": adapter.driver,
             "upload_ms": frame.timings.upload_ms,
@@ -266,6 +307,9 @@ fn report(
         }
         print_json(&made)?;
     } else {
+        if let Some(line) = chosen(scene) {
+            say!("{line}");
+        }
         let [width, height] = frame.size_px;
         say!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
         if scene.budget_ms.is_some() {

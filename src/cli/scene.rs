@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::choices::{depth_rules, layouts};
+use super::choices::{depth_rules, framing_rules, layouts, table_rules};
 use super::light::LightArguments;
 use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
-use relief_display::{DepthFilter, DisplaySettings, Layout};
-use relief_render::{Classification, DepthRule, Mode, Overlays, SceneFile};
+use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout};
+use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, SceneFile, TableRule};
 use relief_volume::{Orbit, PRESETS};
 
 /// A scene file, and options that override it.
@@ -19,6 +19,7 @@ pub(super) struct SceneArguments {
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Preset of colours and light, such as bone, skin, lung or vessels; `relief presets` lists all
+    /// [default: one that suits the body part and contrast medium]
     #[arg(long, value_name = "NAME", value_parser = parse_preset)]
     preset: Option<String>,
     #[command(flatten)]
@@ -63,6 +64,10 @@ pub(super) struct SceneArguments {
     /// Filter for depth in frames: none, median-3, median-5, clear-edge
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
+    /// View depths between which disparity is spread: those of the visible surfaces, those of the
+    /// volume's bounding sphere, or NEAR,FAR in mm [default: visible]
+    #[arg(long, value_name = "visible|volume|NEAR,FAR", value_parser = parse_depth_range)]
+    depth_range: Option<DepthRangeOption>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left
     /// out
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -73,13 +78,21 @@ pub(super) struct SceneArguments {
     /// How far from above: 90 is from the head, -90 from the feet
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation_deg: f64,
-    /// 1 fits the whole volume; larger is closer
+    /// What zoom 1 fits to the picture: what is visible with the preset and clips, all tissue, or the
+    /// bounding sphere of the volume [default: visible]
+    #[arg(long, value_name = "RULE", value_parser = framing_rules())]
+    frame: Option<FramingRule>,
+    /// Whether the table, headrest and sheets below the patient are shown [default: remove]
+    #[arg(long, value_name = "RULE", value_parser = table_rules())]
+    table: Option<TableRule>,
+    /// 1 fits the whole (see --frame); larger is closer
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     zoom: f64,
     /// Full vertical field of view at zoom 1; 0 is a parallel projection
     #[arg(long, value_name = "DEG", default_value_t = 22.0, allow_negative_numbers = true)]
     fov_deg: f64,
-    /// Show values by a window: centre and width in HU (a slice without one has 40,400)
+    /// Show values by a window: centre and width in HU (a slice without one has one that
+    /// suits the body part)
     #[arg(long, value_name = "CENTER,WIDTH", value_parser = parse_window, allow_hyphen_values = true, conflicts_with = "preset")]
     window_hu: Option<[f64; 2]>,
     #[command(flatten)]
@@ -115,6 +128,27 @@ fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
     DepthFilter::from_name(name).ok_or_else(|| format!("depth filters are {names}"))
 }
 
+/// `--depth-range`.
+#[derive(Clone, Copy, Debug)]
+enum DepthRangeOption {
+    Of(DepthRange),
+    Mm([f64; 2]),
+}
+
+fn parse_depth_range(text: &str) -> Result<DepthRangeOption, String> {
+    if let Some(range) = DepthRange::ALL.into_iter().find(|range| range.name() == text) {
+        return Ok(DepthRangeOption::Of(range));
+    }
+    let parsed = text
+        .split_once(',')
+        .and_then(|(near, far)| Some([near.trim().parse().ok()?, far.trim().parse().ok()?]));
+    let limits = parsed.filter(|[near, far]: &[f64; 2]| near.is_finite() && far.is_finite() && near < far);
+    let limits = limits.map(DepthRangeOption::Mm);
+    limits.ok_or_else(|| {
+        "it is visible, volume, or NEAR,FAR in mm with NEAR below FAR, such as 500,800".to_owned()
+    })
+}
+
 fn parse_overlay(name: &str) -> Result<String, String> {
     if Overlays::SWITCHES.iter().any(|(known, _)| *known == name) {
         return Ok(name.to_owned());
@@ -137,12 +171,9 @@ impl SceneArguments {
             }
             None => SceneFile::default(),
         };
-        if scene.has_camera() && self.orbit() != Orbit::default() {
-            bail!(
-                "the scene file has a camera; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out"
-            );
-        }
-        self.orbit().validate().context("the view is out of range")?;
+        self.check_view(&scene)?;
+        scene = self.frame.map_or(scene.clone(), |rule| scene.with_frame(rule));
+        scene = self.table.map_or(scene.clone(), |rule| scene.with_table(rule));
         if let Some(name) = &self.preset {
             scene = scene.with_preset(name);
         }
@@ -177,23 +208,50 @@ impl SceneArguments {
             scene = scene.with_passes(passes);
         }
         scene = self.light.apply(scene);
-        if let Some(layout) = self.layout {
-            let display = scene.display().clone();
-            // A layout option overrides a size that was written for another layout.
-            scene = scene.with_display(DisplaySettings { layout, ..display }).with_size_of_layout();
-        }
-        if let Some(depth_filter) = self.depth_filter {
-            let display = scene.display().clone();
-            scene = scene.with_display(DisplaySettings { depth_filter, ..display });
-        }
-        if self.view_span.is_some() {
-            let display = scene.display().clone();
-            scene = scene.with_display(DisplaySettings { view_span: self.view_span, ..display });
-        }
+        scene = self.with_display_options(scene);
         Ok(match self.size {
             Some(size) => scene.with_size(size),
             None => scene,
         })
+    }
+
+    fn with_display_options(&self, mut scene: SceneFile) -> SceneFile {
+        let mut display = scene.display().clone();
+        if let Some(layout) = self.layout {
+            display.layout = layout;
+            let fixed = display.encoder().ok().and_then(|encoder| encoder.render_size_px());
+            if let Some([width, height]) =
+                fixed.filter(|fixed| scene.size_px().is_some_and(|size| size != *fixed))
+            {
+                eprintln!("warning: layout {layout} needs {width}x{height}; the scene's size_px is left out");
+                scene = scene.with_size_of_layout();
+            }
+        }
+        display.depth_filter = self.depth_filter.unwrap_or(display.depth_filter);
+        display.view_span = self.view_span.or(display.view_span);
+        match self.depth_range {
+            None => {}
+            Some(DepthRangeOption::Of(depth_range)) => {
+                display = DisplaySettings { depth_range, near_mm: None, far_mm: None, ..display };
+            }
+            Some(DepthRangeOption::Mm([near, far])) => {
+                display = DisplaySettings { near_mm: Some(near), far_mm: Some(far), ..display };
+            }
+        }
+        scene.with_display(display)
+    }
+
+    /// Refuses options of the view that a scene file with a camera contradicts.
+    fn check_view(&self, scene: &SceneFile) -> anyhow::Result<()> {
+        if scene.has_camera() && self.orbit() != Orbit::default() {
+            bail!(
+                "the scene file has a camera; leave --azimuth-deg, --elevation-deg, --zoom and --fov-deg out"
+            );
+        }
+        if scene.has_camera() && self.frame.is_some() {
+            bail!("the scene file has a camera; leave --frame out");
+        }
+        self.orbit().validate().context("the view is out of range")
     }
 
     /// The view that applies when the scene file has no camera.

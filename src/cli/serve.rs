@@ -20,8 +20,9 @@ use super::faults::{self, Fault};
 use super::memory::parse_bytes;
 use super::output::say;
 use super::serve_identity::IdentityArguments;
-use super::serve_load::{load_behind, places};
+use super::serve_load::{SeriesLoader, load_behind, places};
 use super::serve_readers::{Isolation, Readers};
+use super::serve_series::of_buckets;
 use super::source::SeriesOptions;
 use super::track_scene::{read_beacon, read_camera};
 use relief_base::sha256_of_file;
@@ -86,8 +87,8 @@ pub(super) struct ServeArguments {
     /// the scope admin for it
     #[arg(long, value_enum, default_value_t = Uploads::Auto)]
     uploads: Uploads,
-    /// Where uploads are read: in a child process without rights to files, network and programs, or in
-    /// the server's own
+    /// Where uploads and series from buckets are read: in a child process without rights to files,
+    /// network and programs, or in the server's own
     #[arg(long, value_enum, default_value_t = Isolation::DEFAULT)]
     isolation: Isolation,
     #[command(flatten)]
@@ -171,7 +172,9 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);
     let server = Arc::new(server);
     server.expect_volumes(places.len());
-    let load = |server| load_behind(places, copies.clone(), arguments.options.clone(), limits, server);
+    let options = arguments.options.clone();
+    let loader = SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? };
+    let load = |server| load_behind(places, loader, server);
     let outcome = runtime.block_on(serve(arguments, tls, server, load));
     service.shut_down();
     if let Some(log) = log {

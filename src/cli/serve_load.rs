@@ -2,16 +2,16 @@
 
 use std::io::ErrorKind;
 use std::panic::AssertUnwindSafe;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use tokio::sync::oneshot;
 
 use super::labels;
-use super::source::{self, SeriesOptions};
+use super::serve_series::{InProcess, SeriesReader};
+use super::source::SeriesOptions;
 use relief_batch::{Copies, Location};
-use relief_dicom::Strictness;
 use relief_render::VolumeLimits;
 use relief_server::Server;
 use relief_session::LoadedVolume;
@@ -75,18 +75,25 @@ impl SeriesLocation {
     }
 }
 
+/// How series are loaded.
+pub(super) struct SeriesLoader {
+    pub(super) copies: Copies,
+    pub(super) options: SeriesOptions,
+    pub(super) limits: VolumeLimits,
+    /// Reads series from buckets; those of this machine are read in this process.
+    pub(super) of_buckets: Arc<dyn SeriesReader>,
+}
+
 /// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when
 /// all went well.
 pub(super) fn load_behind(
     places: Vec<SeriesLocation>,
-    copies: Copies,
-    options: SeriesOptions,
-    limits: VolumeLimits,
+    loader: SeriesLoader,
     server: Arc<Server>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
-        let loading = Loading { copies: &copies, options: &options, limits, server: &server };
+        let loading = Loading { loader: &loader, server: &server };
         // A panic ends the server with its reason; it would be loading for ever otherwise.
         let outcome = std::panic::catch_unwind(AssertUnwindSafe(|| loading.all(&places)));
         let panicked = |_| Err(anyhow::anyhow!("reading a series panicked; see the message above"));
@@ -97,10 +104,14 @@ pub(super) fn load_behind(
     Ok(failed)
 }
 
+impl SeriesLoader {
+    fn reader(&self, place: &SeriesLocation) -> Arc<dyn SeriesReader> {
+        if place.among.is_some() { Arc::clone(&self.of_buckets) } else { Arc::new(InProcess) }
+    }
+}
+
 struct Loading<'a> {
-    copies: &'a Copies,
-    options: &'a SeriesOptions,
-    limits: VolumeLimits,
+    loader: &'a SeriesLoader,
     server: &'a Server,
 }
 
@@ -120,9 +131,9 @@ impl Loading<'_> {
     /// bucket are skipped with a warning.
     fn place(&self, place: &SeriesLocation) -> anyhow::Result<usize> {
         let Some((_, _, count)) = place.among else {
-            return self.series(place, self.options).map(|()| 1);
+            return self.series(place, &self.loader.options).map(|()| 1);
         };
-        let local = match self.copies.local(&place.path) {
+        let local = match self.loader.copies.local(&place.path) {
             // Nothing there, or more than copies may have: the others are served all the same.
             Err(error)
                 if count > 1 && matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidInput) =>
@@ -131,7 +142,7 @@ impl Loading<'_> {
             }
             local => local?,
         };
-        let found = self.below(local.path());
+        let found = self.loader.reader(place).list(local.path(), &self.loader.options);
         let options = match found {
             Ok(options) => options,
             Err(error) if count > 1 => return Ok(self.leave_out(place, &error)),
@@ -156,37 +167,26 @@ impl Loading<'_> {
         0
     }
 
-    /// The series in a folder or a file, at least one, each by the options that choose it.
-    fn below(&self, path: &Path) -> anyhow::Result<Vec<SeriesOptions>> {
-        if relief_dicom::is_volume_file(path) || self.options.series_uid.is_some() {
-            return Ok(vec![self.options.clone()]);
-        }
-        let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
-        if found.series.is_empty() {
-            found.select(None)?; // says why
-        }
-        let options = |uid: &str| SeriesOptions { series_uid: Some(uid.to_owned()), ..self.options.clone() };
-        Ok(found.series.iter().map(|entry| options(entry.uid())).collect())
-    }
-
     /// Loads a series and its label map, with room made before and a way to read it again.
     fn series(&self, place: &SeriesLocation, options: &SeriesOptions) -> anyhow::Result<()> {
-        let local = self.copies.local(&place.path)?;
-        let (loaded, _) = source::load_after(local.path(), options, |dims| {
-            self.limits.plan(dims)?;
+        let (reader, copies) = (self.loader.reader(place), &self.loader.copies);
+        let local = copies.local(&place.path)?;
+        let wanted = |dims: [usize; 3]| {
+            self.loader.limits.plan(dims)?;
             let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
             Ok(self.server.make_room(bytes)?)
-        })?;
+        };
+        let served = reader.read(local.path(), options, &wanted)?;
         drop(local); // a copy may go when there is no room for others
-        let (copies, path, options) = (self.copies.clone(), place.path.clone(), options.clone());
+        let (copies, path, options) = (copies.clone(), place.path.clone(), options.clone());
         let read = move || {
             let local = copies.local(&path).map_err(|_| Unreadable)?;
-            Ok(source::load(local.path(), &options).map_err(|_| Unreadable)?.volume)
+            Ok(reader.read(local.path(), &options, &|_| Ok(())).map_err(|_| Unreadable)?.volume)
         };
-        let served = served(loaded);
         let labels = place.labels.as_deref();
         let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
-        self.server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
+        let entry = self.server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
+        eprintln!("volume {}: {}; /#volume={0} shows it", entry.id, entry.name());
         Ok(())
     }
 }
@@ -196,9 +196,3 @@ impl Loading<'_> {
 #[derive(Debug, thiserror::Error)]
 #[error("the files of the series can no longer be read")]
 struct Unreadable;
-
-/// A loaded series as the server takes it.
-pub(super) fn served(loaded: relief_dicom::Loaded) -> LoadedVolume {
-    let relief_dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
-    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }
-}

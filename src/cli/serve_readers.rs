@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
-use super::serve_load::served;
+use super::serve_series::served;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_exchange::{Format, Imported, ReadContext};
 use relief_render::VolumeLimits;
 use relief_server::{AnnotationsLoader, ImportError, LabelsLoader, UploadLimits, VolumeLoader};
 use relief_session::{load_labels, most_label_voxels};
 
-/// Where uploads are read.
+/// Where uploads and series from buckets are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Isolation {
     /// In a child process without rights
@@ -26,12 +26,20 @@ impl Isolation {
     pub(super) const DEFAULT: Self = if cfg!(target_os = "linux") { Self::On } else { Self::Off };
 }
 
+/// The error of `--isolation on` on other systems.
+#[cfg(not(target_os = "linux"))]
+pub(super) const NEEDS_LINUX: &str =
+    "--isolation on needs Linux; this system can read uploads in the server's process alone";
+
 /// The readers of a server.
 pub(super) struct Readers {
     pub(super) series: VolumeLoader,
     pub(super) labels: LabelsLoader,
     pub(super) annotations: AnnotationsLoader,
 }
+
+/// What messages call an uploaded file, whose name may be that of a patient.
+const SUBJECT: &str = "the uploaded file";
 
 /// Most bytes of an uploaded series' voxels.
 fn voxel_bytes() -> u64 {
@@ -52,7 +60,7 @@ impl Readers {
 
     #[cfg(target_os = "linux")]
     fn isolated(is_used: bool, volumes: VolumeLimits) -> anyhow::Result<Self> {
-        use relief_isolation::{IsolatedReader, IsolationError};
+        use relief_isolation::{IsolatedReader, IsolationError, SeriesChoice};
         const CANNOT: &str = "uploads cannot be read in a child process; --uploads off refuses them, --isolation off reads them in the server's own";
         let reader = IsolatedReader::of_this_program().context(CANNOT)?;
         if is_used {
@@ -67,7 +75,7 @@ impl Readers {
         Ok(Self {
             series: Arc::new(move |path, budget| {
                 let wanted = |dims| volumes.plan(dims).map(drop).map_err(Into::into);
-                Ok(reader.series(path, voxel_bytes(), budget, wanted)?)
+                Ok(reader.series(path, SeriesChoice::only(SUBJECT), voxel_bytes(), budget, wanted)?.0)
             }),
             labels: Arc::new(move |path, grid| {
                 let loaded = for_labels.labels(path, grid)?;
@@ -86,13 +94,10 @@ impl Readers {
 
     #[cfg(not(target_os = "linux"))]
     fn isolated(_: bool, _: VolumeLimits) -> anyhow::Result<Self> {
-        anyhow::bail!(
-            "--isolation on needs Linux; this system can read uploads in the server's process alone"
-        )
+        anyhow::bail!(NEEDS_LINUX)
     }
 
     fn in_process(volumes: VolumeLimits) -> Self {
-        const SUBJECT: &str = "the uploaded file";
         let about = |error: relief_dicom::Error| error.without_names(SUBJECT);
         Self {
             series: Arc::new(move |path, budget| {

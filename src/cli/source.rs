@@ -136,7 +136,7 @@ pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow:
 
 /// The library's own limits, and no more than this machine has to give: a system that promises
 /// memory which it does not have ends the process when that is touched.
-fn limits() -> LoadLimits {
+pub(super) fn limits() -> LoadLimits {
     let usual = LoadLimits::default().voxel_bytes;
     LoadLimits { voxel_bytes: available_bytes().map_or(usual, |available| usual.min(available)) }
 }

@@ -60,7 +60,7 @@ pub(super) fn make(
     render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
 ) -> anyhow::Result<ViewFile> {
     let layout = scene.display.layout;
-    let limits = scene.display.limits(frame.limits)?;
+    let limits = frame.limits_for(&scene.display)?;
     let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
     let mut pictures = Vec::new();
     for camera in cameras {

@@ -226,7 +226,7 @@ fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
     assert_eq!(plain, before[2]);
     // The file beside the manifest has the drawn annotations, but not their authors.
     ok(&plan_annotated(&archive, "sides", "annotated", &[]));
-    let kept = archive.jobs()[0]["annotations"]["path"].as_str().unwrap().to_owned();
+    let kept = archive.path(archive.jobs()[0]["annotations"]["path"].as_str().unwrap());
     let text = std::fs::read_to_string(&kept).unwrap();
     assert!(text.contains("apex") && !text.contains("anna") && !text.contains("seen twice"), "{text}");
     std::fs::write(&kept, text.replace("80.0", "70.0")).unwrap();
@@ -284,7 +284,7 @@ fn labels_are_the_nearest_structure_in_each_pixel() {
         create(item(name, Geometry::Mesh(mesh), &frame))
     });
     apply(&archive, changes.to_vec(), None);
-    ok(&plan_annotated(&archive, "sides", "labels,annotated", &["--zoom", "2"]));
+    ok(&plan_annotated(&archive, "sides", "labels,annotated", &["--zoom", "2", "--frame", "volume"]));
     ok(&archive.run(&[]));
     let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
     let record: Value =

@@ -64,7 +64,7 @@ fn workers_of_a_queue_fill_a_bucket() {
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "turntable:4"]));
     ok(&archive.run_into("reference", &[]));
-    std::fs::remove_dir_all(archive.jobs()[0]["series"]["path"].as_str().unwrap()).unwrap();
+    std::fs::remove_dir_all(archive.path(archive.jobs()[0]["series"]["path"].as_str().unwrap())).unwrap();
     let (manifest, url) = (archive.text("jobs.jsonl"), nats.url());
     ok(&relief(&["batch", "submit", "--nats", &url, "--manifest", &manifest]));
     let work = ["batch", "work", "--nats", &url, "--out", "s3://views", "--idle-exit", "1", "--json"];

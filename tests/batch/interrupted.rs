@@ -96,8 +96,8 @@ fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
     assert_eq!(planned["skipped"].as_array().unwrap().len(), 1, "{planned}");
 
     // One series loses its slices and another gets a changed one between planning and running.
-    let paths: Vec<String> =
-        archive.jobs().iter().map(|job| job["series"]["path"].as_str().unwrap().to_owned()).collect();
+    let paths: Vec<_> =
+        archive.jobs().iter().map(|job| archive.path(job["series"]["path"].as_str().unwrap())).collect();
     let (gone, changed) = (&paths[0], &paths[3]);
     std::fs::remove_dir_all(gone).unwrap();
     let slice = std::fs::read_dir(changed).unwrap().map(|entry| entry.unwrap().path());

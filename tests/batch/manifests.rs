@@ -26,6 +26,27 @@ fn moved_series_keep_their_keys_and_another_scene_has_others() {
 }
 
 #[test]
+fn a_folder_with_series_and_manifest_can_be_moved_and_run_from_anywhere() {
+    let archive = Archive::of_phantoms(1);
+    ok(&archive.plan(&["--views", "turntable:2"]));
+    assert_eq!(archive.jobs()[0]["series"]["path"], "series/DOE^JOHN 0");
+    std::fs::create_dir(archive.path("moved")).unwrap();
+    for name in ["series", "jobs.jsonl"] {
+        std::fs::rename(archive.path(name), archive.path(&format!("moved/{name}"))).unwrap();
+    }
+    let (manifest, out) = (archive.text("moved/jobs.jsonl"), archive.text("out"));
+    let run = || relief(&["batch", "run", "--manifest", &manifest, "--out", &out, "--json"]);
+    assert_eq!(ok(&run())["done"], 2);
+    // Without its series the run names the path that it looked for.
+    std::fs::rename(archive.path("moved/series"), archive.path("gone")).unwrap();
+    std::fs::remove_dir_all(archive.path("out")).unwrap();
+    let failed = run();
+    let message = String::from_utf8(failed.stderr).unwrap();
+    assert!(!failed.status.success());
+    assert!(message.contains("warning: series/DOE^JOHN 0 does not exist, neither in "), "{message}");
+}
+
+#[test]
 fn manifests_that_are_none_are_refused_with_line_and_reason() {
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "planes"]));

@@ -128,8 +128,8 @@ fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
     // The same picture as a single command writes.
     let job = archive.jobs().into_iter().find(|job| job["view"] == "turntable-001").unwrap();
     let single = archive.text("single.png");
-    let series = job["series"]["path"].as_str().unwrap();
-    let fixed = ["render", "--series", series, "--preset", "bone", "--size", "64x48", "--layout", "color"];
+    let series = archive.text(job["series"]["path"].as_str().unwrap());
+    let fixed = ["render", "--series", &series, "--preset", "bone", "--size", "64x48", "--layout", "color"];
     ok(&relief(&[&fixed[..], &["--azimuth-deg", "90", "--out", &single]].concat()));
     let name = format!("{}/turntable-001.color.png", job["series"]["name"].as_str().unwrap());
     assert!(made[&name] == std::fs::read(&single).unwrap(), "{name} is another picture than relief render's");

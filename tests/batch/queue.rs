@@ -140,9 +140,10 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "planes"]));
     let job = archive.jobs().remove(0);
-    let (path, name) = (job["series"]["path"].as_str().unwrap(), job["series"]["name"].as_str().unwrap());
+    let path = archive.path(job["series"]["path"].as_str().unwrap());
+    let name = job["series"]["name"].as_str().unwrap();
     let aside = archive.path("aside");
-    std::fs::rename(path, &aside).unwrap();
+    std::fs::rename(&path, &aside).unwrap();
     submit(&archive, &nats);
     let out = archive.text("out");
     let (worked, errors) = Worker::start(&archive, &nats, &out, &["--idle-exit", "1"]).end();

@@ -99,10 +99,10 @@ fn the_keyboard_places_at_the_cursor_and_a_snap_tells_its_shift() {
     let Some(seen) = seen("the keyboard on the page") else { return };
     let keyboard = &seen["keyboard"];
     // Two voxels to the right of an axial picture, one up and one slice towards the head; voxels
-    // are 1.875 mm wide.
+    // are 1.875 mm wide, and slices 2.4 mm apart.
     let [before, cursor] = ["before", "cursor"].map(|name| numbers(&keyboard[name]));
-    for ((from, to), steps) in before.iter().zip(&cursor).zip([2.0, -1.0, 1.0]) {
-        assert!((to - from - steps * 1.875).abs() < 0.01, "{keyboard}");
+    for ((from, to), steps) in before.iter().zip(&cursor).zip([2.0 * 1.875, -1.875, 2.4]) {
+        assert!((to - from - steps).abs() < 0.01, "{keyboard}");
     }
     assert!(distance(&keyboard["placed"]["geometry"]["at_mm"], &keyboard["cursor"]) < 1e-3, "{keyboard}");
     assert_eq!(keyboard["placed"]["placement"]["device"]["kind"], "keyboard");

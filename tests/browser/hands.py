@@ -178,7 +178,7 @@ def sight(page, server):
     sent = []
     page.page.on("request", lambda request: request.url.endswith("/snap") and sent.append(json.loads(request.post_data)))
     page.still()
-    page.click("volume", 0.45, 0.35)
+    page.click("volume", 0.5, 0.4)
     item = server.item("Point 1")["item"]
     page.still()
     found = {"placement": item["placement"], "at_mm": item["geometry"]["at_mm"], "ray": sent[-1].get("ray")}
@@ -221,8 +221,8 @@ def fingers(browser, server):
         }
         page.shot(f"fingers-{pane}")
     volume = server.volumes[0]
-    found["volume"]["center_mm"] = volume["center_mm"]
-    found["volume"]["radius_mm"] = math.hypot(*[count * step for count, step in zip(volume["dims"], volume["spacing_mm"])]) / 2
+    found["volume"]["center_mm"] = volume["framing"]["center_mm"]
+    found["volume"]["radius_mm"] = volume["framing"]["radius_mm"]
     found["items"] = len(server.annotations()["items"])
     found["problems"] = page.problems
     page.context.close()

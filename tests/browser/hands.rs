@@ -89,9 +89,9 @@ fn contours_on_three_levels_become_the_region_between_them() {
     assert_eq!(filling["closed"], json!([true, true, true]));
     assert_eq!(filling["points"], json!([8, 8, 8]));
     let heights = numbers(&filling["heights"]);
-    // Ten slices from level to level.
+    // Ten slices of 2.4 mm from level to level.
     for pair in heights.windows(2) {
-        assert!((pair[1] - pair[0] - 10.0 * 1.875).abs() < 0.01, "{heights:?}");
+        assert!((pair[1] - pair[0] - 10.0 * 2.4).abs() < 0.01, "{heights:?}");
     }
     // Whole slices of 2.4 mm, those whose middle lies between the levels or within half a slice of
     // them; each as large as the circle, of which a smooth curve through eight points leaves out

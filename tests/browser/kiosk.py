@@ -103,7 +103,7 @@ def view(page):
 def exactness(playwright, server):
     """What is on the screen, against the frame that is served for the same view; with and without another profile."""
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
-    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&layout=wowvx"
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"
     served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}"))
     found = {}
     for name, arguments in {"srgb": [], "p3": ["--force-color-profile=display-p3-d65"]}.items():
@@ -155,7 +155,7 @@ def hands(playwright, server):
     wait_for(page, "window.kioskView.cursor_mm !== null")
     found["cursor_mm"] = view(page)["cursor_mm"]
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
-    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&size_px=960,540&u=480.5&v=270.5"
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&size_px=960,540&u=480.5&v=270.5"
     found["pick"] = json.loads(server.get(f"/v1/volumes/{volume}/pick?{query}"))
     for key in ["ArrowLeft", "Shift+ArrowUp", "+", "PageDown"]:
         page.keyboard.press(key)
@@ -214,7 +214,7 @@ def early(playwright, server):
     found |= {"connection": page.evaluate(f"{ROOT}.connection"), "said": page.inner_text("#state")}
     ask("/v1/volumes", "POST", ball)
     wait_still(page)
-    query = "azimuth_deg=20&elevation_deg=10&zoom=1.4&preset=bone&layout=wowvx"
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"
     served, shot = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}")), pixels(page.screenshot())
     different = int((shot != served).any(axis=2).sum())
     found |= {"later": page.evaluate(f"{ROOT}.connection"), "different": different, "problems": problems}

@@ -4,7 +4,6 @@ usage: views.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
 """
 
 import json
-import math
 import pathlib
 import sys
 import urllib.parse
@@ -70,13 +69,13 @@ def address(browser, server):
 
 def hands(browser, server):
     """Mouse, fingers and keys move and zoom the volume and a slice; numbers that are typed are no commands."""
-    page = Window(browser, server, "/#preset=bone&az=20&el=10&zoom=1.4", has_touch=True)
+    page = Window(browser, server, "/#preset=bone&az=20&el=10&zoom=1", has_touch=True)
     settled(page)
     stage = page.page.locator("#stage").bounding_box()
     middle = [stage["x"] + stage["width"] / 2, stage["y"] + stage["height"] / 2]
-    found = {"stage": [stage["width"], stage["height"]], "center_mm": server.volumes[0]["center_mm"]}
+    found = {"stage": [stage["width"], stage["height"]], "center_mm": server.volumes[0]["framing"]["center_mm"]}
     volume = server.volumes[0]
-    found["radius_mm"] = math.hypot(*[count * step for count, step in zip(volume["dims"], volume["spacing_mm"])]) / 2
+    found["radius_mm"] = volume["framing"]["radius_mm"]
     page.page.mouse.move(*middle)
     page.page.mouse.down(button="right")
     for step in range(1, 6):

@@ -46,6 +46,8 @@ fn organs_of_the_head_are_kept_and_cut_by_name_and_number() {
             "color",
             "--size",
             "96x96",
+            "--frame",
+            "volume",
         ];
         let output = relief(&[&given[..], &["--out", out.to_str().unwrap()], more].concat());
         let said = String::from_utf8_lossy(&output.stderr).into_owned();

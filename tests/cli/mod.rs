@@ -3,6 +3,7 @@
 mod annotate_log;
 mod budget;
 mod doctor;
+mod first_look;
 mod labels;
 mod light;
 mod output;

@@ -57,6 +57,30 @@ fn a_file_that_is_no_session_is_named_with_its_line() {
     }
 }
 
+#[test]
+fn attempts_to_reach_a_server_are_told_once() {
+    let mut waiting = relief(&["client", "--server", "http://127.0.0.1:1", "--headless"]).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(3)); // half a dozen attempts
+    waiting.kill().unwrap();
+    let told = text(&waiting.wait_with_output().unwrap().stderr);
+    let lines: Vec<_> = told.lines().collect();
+    assert_eq!(lines.len(), 2, "{told}");
+    assert!(lines[0].contains("--save-frame") && lines[1].contains("cannot reach"), "{told}");
+}
+
+#[cfg(all(feature = "window", target_os = "linux"))]
+#[test]
+fn a_missing_display_is_told_without_a_path_of_source_code() {
+    let mut command = relief(&["client", "--server", "http://127.0.0.1:1"]);
+    let output = command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap();
+    let errors = text(&output.stderr);
+    assert!(!output.status.success() && errors.contains("DISPLAY is not set"), "{errors}");
+    let output = command.env("DISPLAY", ":4711").output().unwrap();
+    let errors = text(&output.stderr);
+    assert!(!output.status.success() && errors.contains("no window can be opened"), "{errors}");
+    assert!(!errors.contains(".rs"), "{errors}");
+}
+
 /// Looks at a view with 16-bit Z, and compares the depth where the cursor is with a ball around it.
 pub(crate) fn check_cursor(serving: &Serving, view: &str, cursor: &[f64]) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();

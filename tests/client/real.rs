@@ -164,12 +164,18 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         // A view stands back in a picture that is taller than wide; a request's zoom is of its
         // height.
         let zoom = if layout == "wowvx-full-height" { 1.2 * (960.0 / 1080.0) } else { 1.2 };
-        let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}");
+        let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}&frame=tissue");
         let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
         let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));
         let composed = std::fs::read(&file).unwrap();
         assert!(pixels(&composed) == pixels(&served), "{layout}: composed and served frame differ");
     }
+    let refused = client(&serving.url(), &["--preset", "bonne", "--save-frame", out]);
+    let errors = text(&refused.stderr);
+    assert!(
+        !refused.status.success() && errors.contains("settings.preset is \"bonne\", allowed: bone"),
+        "{errors}"
+    );
     let checked = relief(&["inspect", out, "--json"]).output().unwrap();
     assert!(checked.status.success(), "{}", text(&checked.stdout));
 }

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use futures_util::SinkExt;
-use relief_client::{Composer, Event, LinkState};
+use relief_client::{Composer, Event, LinkState, Options};
 use relief_display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
-use relief_live::{ClientMessage, FrameHeader, Intent};
+use relief_live::{ClientMessage, FrameHeader, Hello, Intent};
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::client::stand_in::{
@@ -153,6 +153,7 @@ async fn a_server_that_was_started_anew_gets_volume_preset_and_view() {
 
 #[tokio::test]
 async fn a_session_that_is_over_is_not_begun_again() {
+    // A volume that was removed ends a client that does not wait.
     for (code, word) in [(4001, "resumed"), (4002, "removed")] {
         let (listener, address) = listen(None).await;
         let client = Running::start(options(address));
@@ -162,6 +163,74 @@ async fn a_session_that_is_over_is_not_begun_again() {
         let error = client.ended().await.unwrap_err().to_string();
         assert!(error.contains(word), "{error}");
     }
+}
+
+/// A display box without `--volume` shows whatever the server has first.
+#[tokio::test]
+async fn a_client_that_waits_takes_the_first_volume_when_its_own_is_gone() {
+    let (listener, address) = listen(None).await;
+    let mut client = Running::start(Options { wait: true, ..options(address) });
+    let (mut socket, hello) = accept(&listener).await;
+    assert_eq!(hello.volume, None);
+    socket.send(welcome("t", false)).await.unwrap();
+    client.until(connected).await;
+    close(&mut socket, 4002, "").await;
+    let (mut socket, hello) = accept(&listener).await;
+    assert_eq!((hello.volume, hello.resume), (None, None), "from its beginning");
+    socket.send(welcome("u", false)).await.unwrap();
+    client.until(connected).await;
+    // The server was restarted with another volume: it does not know the last one.
+    drop(socket);
+    let (mut socket, hello) = accept(&listener).await;
+    assert_eq!(hello.volume.as_deref(), Some("0123456789abcdef"));
+    let problem = serde_json::json!({
+        "type": "error", "problem": { "type": "urn:relief:problem:no-such-volume", "status": 404, "title": "none" }, "fatal": true,
+    });
+    socket.send(Message::text(problem.to_string())).await.unwrap();
+    close(&mut socket, 1008, "").await;
+    let (_socket, hello) = accept(&listener).await;
+    assert_eq!((hello.volume, hello.resume), (None, None));
+    client.handle.stop();
+    client.ended().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_named_volume_is_waited_for() {
+    let (listener, address) = listen(None).await;
+    let named = Hello { volume: Some("feed".to_owned()), ..Hello::default() };
+    let client = Running::start(Options { wait: true, hello: named, ..options(address) });
+    for _ in 0..2 {
+        let (mut socket, hello) = accept(&listener).await;
+        assert_eq!(hello.volume.as_deref(), Some("feed"));
+        let problem = serde_json::json!({
+            "type": "error", "problem": { "type": "urn:relief:problem:no-such-volume", "status": 404, "title": "none" }, "fatal": true,
+        });
+        socket.send(Message::text(problem.to_string())).await.unwrap();
+        close(&mut socket, 1008, "").await;
+    }
+    client.handle.stop();
+    client.ended().await.unwrap();
+}
+
+/// A server that answers no ping is silent; it is heard when it answers.
+#[tokio::test]
+async fn silence_is_told_and_its_end() {
+    let (listener, address) = listen(None).await;
+    let mut client = Running::start(options(address));
+    let (mut socket, _) = accept(&listener).await;
+    socket.send(welcome("t", false)).await.unwrap();
+    client.until(connected).await;
+    let state = |wanted: LinkState| {
+        move |event: &Event| matches!(event, Event::State(state) if *state == wanted).then_some(())
+    };
+    let since = Instant::now();
+    client.until(state(LinkState::Silent)).await; // nothing reads the pings here
+    assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
+    let answering = tokio::spawn(async move { next(&mut socket).await });
+    client.until(state(LinkState::Heard)).await;
+    client.handle.stop();
+    client.ended().await.unwrap();
+    assert!(answering.await.unwrap().is_none());
 }
 
 /// While a client stops reading, messages wait in bounded memory; afterwards it receives the newest

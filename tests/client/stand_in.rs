@@ -38,7 +38,8 @@ pub(crate) async fn listen(at: Option<SocketAddr>) -> (TcpListener, SocketAddr) 
 
 /// Takes a connection up to its hello.
 pub(crate) async fn accept(listener: &TcpListener) -> (Socket, Hello) {
-    let (stream, _) = listener.accept().await.unwrap();
+    let (stream, _) =
+        tokio::time::timeout(PATIENCE, listener.accept()).await.expect("a client in time").unwrap();
     stream.set_nodelay(true).unwrap();
     let mut socket = accept_hdr_async(stream, echo_protocol).await.unwrap();
     match next(&mut socket).await {

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::client::real::{Serving, has_adapter, phantom, pixels, relief};
+use crate::client::real::{Serving, has_adapter, phantom, pixels, relief, text};
 
 struct Xvfb {
     process: Child,
@@ -90,7 +90,7 @@ fn the_screen_shows_the_served_frame_byte_for_byte() {
     let folder = tempfile::tempdir().unwrap();
     let mut serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     let id = serving.ready();
-    let query = "preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2";
+    let query = "preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2&frame=tissue";
     let (width, height, served) = pixels(&serving.get(&format!("/v1/volumes/{id}/frame?{query}")));
     assert_eq!((width, height), (1920, 1080));
     let arguments = ["--preset", "bone", "--look", "30,10,1.2", "--fullscreen"];
@@ -131,4 +131,52 @@ fn the_screen_shows_the_served_frame_byte_for_byte() {
         count += 1;
     }
     assert!(count > 0 && count <= 36, "{count} pixels");
+    an_old_picture_gives_way_to_text(&x, Duration::from_secs(5).saturating_sub(since.elapsed()));
+    another_series_takes_its_place(&x, &serving.address, folder.path());
+}
+
+/// Soon afterwards a line of text takes its place: the picture may be of another patient by now.
+fn an_old_picture_gives_way_to_text(x: &Xvfb, patience: Duration) {
+    let shown = until(x, patience, |screen| {
+        let [ink, outside] = ink(screen);
+        ink > 500 && outside == 0
+    });
+    if let Some(folder) = std::env::var_os("RELIEF_SHOTS") {
+        let file = Path::new(&folder).join("waiting.png");
+        image::save_buffer(file, &shown, 1920, 1080, image::ColorType::Rgb8).unwrap();
+    }
+}
+
+/// The server comes back with another series: its first volume is shown.
+fn another_series_takes_its_place(x: &Xvfb, address: &str, folder: &Path) {
+    let other = folder.join("other");
+    let other = other.to_str().unwrap();
+    let made = relief(&["phantom", "--kind", "axes", "--size", "48", "--out", other]).output().unwrap();
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let again = Serving::start(other, address);
+    let id = again.ready();
+    let query = "preset=bone&frame=tissue&azimuth_deg=20&elevation_deg=10";
+    let (_, _, served) = pixels(&again.get(&format!("/v1/volumes/{id}/frame?{query}")));
+    until(x, Duration::from_secs(60), |screen| screen == served);
+}
+
+/// The screen when `is_good` holds for it.
+fn until(x: &Xvfb, patience: Duration, is_good: impl Fn(&[u8]) -> bool) -> Vec<u8> {
+    let since = Instant::now();
+    loop {
+        let screen = x.screen();
+        if is_good(&screen) {
+            return screen;
+        }
+        assert!(since.elapsed() < patience, "not within {patience:?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Numbers of bright pixels in the middle fifth of the rows, and of all that are not black outside.
+fn ink(screen: &[u8]) -> [usize; 2] {
+    let pixels = screen.as_chunks::<3>().0.iter().enumerate();
+    let lit = pixels.filter(|(_, rgb)| **rgb != [0; 3]).map(|(at, _)| at / 1920);
+    let (inside, outside): (Vec<_>, Vec<_>) = lit.partition(|row| (432..648).contains(row));
+    [inside.len(), outside.len()]
 }

@@ -58,7 +58,7 @@ fn every_golden_agrees_with_the_f64_twin() {
         let case = goldens.read(id).unwrap();
         let phantom = common::phantom(case.recipe());
         let volume = &phantom.volume;
-        let scene = case.scene(volume.grid()).unwrap();
+        let scene = case.scene(volume).unwrap();
         let frame = relief_render::render_reference(volume, &scene.request).unwrap();
         for &aspect in case.aspects() {
             // The twin follows no paths; `tests/render/pathtrace.rs` holds them against closed
@@ -147,7 +147,7 @@ fn the_slanted_slabs_depth_is_a_plane() {
     // camera.
     let phantom = common::phantom(case.recipe());
     let volume = &phantom.volume;
-    let camera = case.scene(volume.grid()).unwrap().request.camera;
+    let camera = case.scene(volume).unwrap().request.camera;
     let [half_x, half_y] = camera.half_extent(golden.size_px);
     let [width, height] = golden.size_px;
     let expected = (0..width * height).map(|index| {

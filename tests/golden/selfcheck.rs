@@ -119,7 +119,7 @@ fn a_depth_off_by_one_sample_fails_in_every_case() {
     for (case, golden) in goldens(Aspect::Depth) {
         let phantom = common::phantom(case.recipe());
         let volume = &phantom.volume;
-        let step_mm = case.scene(volume.grid()).unwrap().request.sample_distance_mm as f32;
+        let step_mm = case.scene(volume).unwrap().request.sample_distance_mm as f32;
         let hit =
             depths(&mut golden.clone()).iter().position(|mm| mm.is_finite()).expect("something is seen");
         let mut one = golden.clone();
@@ -231,7 +231,7 @@ fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
         let case = case(&format!("camera/{view}"));
         let phantom = common::phantom(case.recipe());
         let volume = &phantom.volume;
-        let request = case.scene(volume.grid()).unwrap().request;
+        let request = case.scene(volume).unwrap().request;
         let last = volume.grid().dims()[0] - 1;
         let wrong = [
             ("i and j swapped", rearranged(volume, |[i, j, k]| [j, i, k])),
@@ -318,7 +318,7 @@ fn a_scene_with_anything_unknown_or_out_of_range_is_refused() {
         (r#"{"sample_distance_mm": 0}"#, "0.01 to 100"),
     ] {
         fs::write(&path, scene).unwrap();
-        let message = read_copied(&parent).unwrap().scene(ramp.volume.grid()).unwrap_err().to_string();
+        let message = read_copied(&parent).unwrap().scene(&ramp.volume).unwrap_err().to_string();
         assert!(message.contains(part) && message.contains("scene.json"), "{message}");
     }
 }

@@ -10,11 +10,11 @@ use super::{RADIUS_MM, SIZE_PX, Session, assert_near, assert_same_view, center, 
 /// Invariant: The home view equals that of the page, and turntable views equal those of `Orbit`.
 #[test]
 fn the_home_view_is_the_pages() {
-    let orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.4, vertical_fov_deg: 22.0 };
+    let orbit = Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.0, vertical_fov_deg: 22.0 };
     let page = orbit.camera(center(), RADIUS_MM).unwrap();
     assert_same_view(&Session::new().camera(), &page, 1e-15, "home");
     let script = include_str!("../../src/server/page/view.js");
-    assert!(script.contains("HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1.4 })"));
+    assert!(script.contains("HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1 })"));
     assert_eq!(Home::ORBIT, orbit);
 }
 
@@ -73,13 +73,13 @@ fn a_free_turn_turns_the_volume_in_view_by_its_rotation() {
 fn zoom_narrows_the_field_of_view_and_ends() {
     let mut session = Session::new();
     let with = |zoom| Orbit { zoom, ..Home::ORBIT }.camera(center(), RADIUS_MM).unwrap();
-    for (factor, zoom) in [(1.5, 2.1), (0.5, 1.05), (100.0, 40.0), (0.01, 0.4), (0.01, 0.2)] {
+    for (factor, zoom) in [(1.5, 1.5), (0.5, 0.75), (100.0, 40.0), (0.01, 0.4), (0.01, 0.2)] {
         session.apply(&Intent::Zoom { factor });
         assert_same_view(&session.camera(), &with(zoom), 1e-12, &format!("zoom {zoom}"));
     }
     // A picture taller than wide stands back, as the page's does.
     let tall = Session::on(stage_of([300, 600], Home::ORBIT));
-    assert_same_view(&tall.camera(), &with(0.7), 1e-12, "a tall picture");
+    assert_same_view(&tall.camera(), &with(0.5), 1e-12, "a tall picture");
 }
 
 /// The widest field of view, the smallest zoom and a strip of a picture together still have a
@@ -244,7 +244,7 @@ fn undo_takes_back_steps_and_drags_as_one() {
     assert_eq!(state.record().undo, 3);
     let undo = r#"{"intent":"undo"}"#;
     at(&mut state, 5000, undo);
-    assert!((state.record().zoom - 2.8).abs() < 1e-12);
+    assert!((state.record().zoom - 2.0).abs() < 1e-12);
     at(&mut state, 5001, undo);
     assert_eq!(state.camera(&stage).unwrap(), dragged);
     at(&mut state, 5002, undo);
@@ -268,7 +268,7 @@ fn the_record_is_the_documented_json() {
     let mut session = Session::new();
     session.json(r#"{"intent":"look","azimuth_deg":0,"elevation_deg":90}"#);
     let json = serde_json::to_string(&session.state.record()).unwrap();
-    let wanted = r#"{"look_at_mm":[10.0,-20.0,300.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"zoom":1.4,"vertical_fov_deg":22.0,"preset":"bone","clip_mm":null,"cursor_mm":null,"grabbed":false,"placing":false,"undo":1,"revision":1}"#;
+    let wanted = r#"{"look_at_mm":[10.0,-20.0,300.0],"orientation_xyzw":[0.0,0.0,0.0,1.0],"zoom":1.0,"vertical_fov_deg":22.0,"preset":"bone","clip_mm":null,"cursor_mm":null,"grabbed":false,"placing":false,"undo":1,"revision":1}"#;
     assert_eq!(json, wanted);
     let back: relief_live::ViewRecord = serde_json::from_str(&json).unwrap();
     assert_eq!(back, session.state.record());

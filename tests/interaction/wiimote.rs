@@ -278,14 +278,14 @@ fn rates_are_in_time_not_in_reports() {
         }
         remote.hold(1000, Buttons::default());
         let record = remote.session.state.record();
-        assert!((record.zoom - 2.8).abs() < 1e-9, "{period} ms: {}", record.zoom);
+        assert!((record.zoom - 2.0).abs() < 1e-9, "{period} ms: {}", record.zoom);
         assert!((record.clip_mm.unwrap() - 60.0).abs() < 1e-9, "{period} ms");
         assert_eq!(record.undo, 2, "{period} ms: they alternate, and are one step each");
     }
     let mut remote = Remote::new(options);
     remote.hold(0, Buttons::MINUS);
     remote.hold(5000, Buttons::default());
-    assert!((remote.session.state.record().zoom - 1.4 / 2f64.powf(0.1)).abs() < 1e-9);
+    assert!((remote.session.state.record().zoom - 1.0 / 2f64.powf(0.1)).abs() < 1e-9);
     remote.hold(5010, Buttons::MINUS.with(Buttons::PLUS));
     assert!(remote.hold(5050, Buttons::default()).is_empty(), "both are neither");
 }

@@ -9,7 +9,7 @@ use crate::common;
 use relief_base::{Patient, Point, Vector};
 use relief_render::{
     ClipPlane, DepthRule, EmptySpaceSkipping, Illumination, Labels, Light, Mode, Occlusion, Placement,
-    RenderRequest, RenderedFrame, SceneFile, Shading, SlabBlend,
+    RenderRequest, RenderedFrame, SceneFile, Shading, SlabBlend, Subject,
 };
 use relief_volume::{
     Camera, ControlPoint, Grid, LabelMap, Orbit, PhantomKind, Projection, Segment, TransferFunction, Volume,
@@ -39,7 +39,13 @@ fn resolved(volume: &Volume, map: &Arc<LabelMap>, json: &str) -> RenderRequest {
         true => Orbit::default(),
         false => Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg: 25.0 },
     };
-    scene.resolve_labelled(volume.grid(), &orbit, Some(map)).unwrap().request
+    scene
+        .resolve_for(
+            &Subject { grid: volume.grid(), occupancy: None, tissue: None, anatomy: None, labels: Some(map) },
+            &orbit,
+        )
+        .unwrap()
+        .request
 }
 
 /// The slab phantom in two halves, nearer and farther than y = 0, seen along y from 600 mm.
@@ -344,7 +350,12 @@ fn striped() -> (Grid, Arc<LabelMap>) {
 fn refused(json: &str, map: Option<&Arc<LabelMap>>) -> String {
     let scene = SceneFile::parse(json.as_bytes());
     let (grid, _) = striped();
-    let resolved = scene.and_then(|scene| scene.resolve_labelled(&grid, &Orbit::default(), map));
+    let resolved = scene.and_then(|scene| {
+        scene.resolve_for(
+            &Subject { grid: &grid, occupancy: None, tissue: None, anatomy: None, labels: map },
+            &Orbit::default(),
+        )
+    });
     resolved.map(|scene| scene.request.labels).expect_err(json).to_string()
 }
 

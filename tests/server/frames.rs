@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 
 use crate::server::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
 
-const SCENE: &str = "preset=bone&layout=rgbd&size_px=32,24&azimuth_deg=40&elevation_deg=10";
+const SCENE: &str =
+    "preset=bone&layout=rgbd&size_px=32,24&azimuth_deg=40&elevation_deg=10&depth_range=volume";
 
 /// What [`SCENE`] asks of the renderer, made without the server.
 fn scene_request() -> RenderRequest {
@@ -60,7 +61,7 @@ async fn a_frame_carries_picture_headers_and_camera() {
     assert!((camera["near_mm"].as_f64().unwrap() - (distance - 50.0)).abs() < 1e-9);
     // The camera is in a request's own words: sent back, it gives the same view.
     let again = json!({ "camera": camera["camera"], "transfer": "bone", "size_px": [32, 24],
-                        "display": { "layout": "rgbd" } });
+                        "display": { "layout": "rgbd", "depth_range": "volume" } });
     let again = stage.post(&stage.path("frame"), "application/json", again.to_string()).await;
     assert_eq!(again.body, answer.body);
 }
@@ -81,6 +82,10 @@ async fn query_and_body_give_the_same_frame_and_tag() {
     for (query, body) in [
         ("", json!({})),
         ("preset=lung&mode=mip", json!({ "transfer": "lung", "mode": "mip" })),
+        (
+            "frame=tissue&table=keep&depth_range=volume",
+            json!({ "frame": "tissue", "table": "keep", "display": { "depth_range": "volume" } }),
+        ),
         (
             "window_hu=40,400&depth_rule=first-hit&background_rgb=0.1,0.2,0.3&sample_distance_mm=2",
             json!({ "transfer": { "window": { "center_hu": 40, "width_hu": 400 } },
@@ -148,7 +153,8 @@ async fn accept_chooses_the_media_type() {
 #[tokio::test]
 async fn depth_comes_as_16_bit_png_exr_or_floats() {
     let stage = Stage::new();
-    let path = stage.path("depth?size_px=32,24&azimuth_deg=40&elevation_deg=10&preset=bone");
+    let path =
+        stage.path("depth?size_px=32,24&azimuth_deg=40&elevation_deg=10&preset=bone&depth_range=volume");
     let expected = expected_depth();
     let distance = scene_request().camera.distance_mm();
 
@@ -211,7 +217,7 @@ async fn the_tag_changes_with_everything_that_changes_the_frame() {
         "size_px=32,24&layout=rgbd",
         "size_px=32,26&layout=rgbd",
         "size_px=32,24&layout=color",
-        "size_px=32,24&layout=rgbd&preset=skin",
+        "size_px=32,24&layout=rgbd&preset=lung",
         "size_px=32,24&layout=rgbd&azimuth_deg=1e-9",
         "size_px=32,24&layout=rgbd&mode=mip",
         "size_px=32,24&layout=rgbd&near_mm=1",

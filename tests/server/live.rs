@@ -201,7 +201,7 @@ async fn malformed_messages_are_named_and_twenty_end_the_session() {
         (r#"{"type":"settings","scene":{"modus":"mip"}}"#, "modus", "malformed-scene"),
         (r#"{"type":"settings","scene":{"sample_distance_mm":0}}"#, "sample_distance_mm", "out-of-range"),
         (r#"{"type":"settings","size_px":[9,9]}"#, "size_px", "out-of-range"),
-        (r#"{"type":"settings","preset":"gold"}"#, "transfer", "out-of-range"),
+        (r#"{"type":"settings","preset":"gold"}"#, "settings.preset", "out-of-range"),
         (r#"{"type":"intent","seq":1,"t_ns":1,"intent":"preset","name":"gold"}"#, "intent", "refused-intent"),
         (r#"{"type":"report","seq":1,"t_ns":1,"report":"ff"}"#, "report", "malformed-report"),
     ] {

@@ -70,14 +70,18 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
     assert_eq!((&shown["hu_range"], &shown["warnings"]), (&json!([0, 63]), &json!(2)));
     let mut keys: Vec<&str> = shown.as_object().unwrap().keys().map(String::as_str).collect();
     keys.sort_unstable();
+    assert_eq!(shown["name"], "Object, 4 × 4 × 4");
     let known = [
+        "anatomy",
         "bounds_mm",
         "center_mm",
         "dims",
         "direction",
+        "framing",
         "hu_range",
         "id",
         "links",
+        "name",
         "origin_mm",
         "radius_mm",
         "removable",

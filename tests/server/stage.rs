@@ -135,6 +135,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
         back: None,
         camera: request.camera,
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
+        nearest_ball_mm: None,
         timings: Timings { upload_ms: 1.0, render_ms: 2.0, overlay_ms: 0.0 },
     }
 }

@@ -265,7 +265,7 @@ fn an_encrypted_server_serves_the_client_that_trusts_it() {
     let (file, tls, picture) = (path("tokens"), path("tls"), path("frame.png"));
     let anna = token(&file, "anna", "view");
     let series = phantom(folder.path());
-    let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0"];
+    let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0", "--listen-when-loaded"];
     let known = ["--token-file", &file, "--tls-self-signed", &tls];
     let running = Running::spawn(&mut relief(&[&arguments[..], &known].concat()));
     let server = format!("https://{}", running.address);

@@ -375,8 +375,17 @@ impl Annotated {
 
     /// What `relief render` writes of the same series.
     fn render(&self, file: &Path, more: &[&str]) -> Vec<u8> {
-        let mut command =
-            relief(&["render", "--series", &self.series, "--preset", "bone", "--layout", "color"]);
+        let mut command = relief(&[
+            "render",
+            "--series",
+            &self.series,
+            "--preset",
+            "bone",
+            "--layout",
+            "color",
+            "--frame",
+            "volume",
+        ]);
         let rendered = command.arg("--out").arg(file).args(more).output().unwrap();
         assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
         std::fs::read(file).unwrap()
@@ -393,7 +402,8 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
     let folder = tempfile::tempdir().unwrap();
     let annotated = Annotated::start(folder.path());
     let Annotated { running, log, path, points, .. } = &annotated;
-    let (scene, plain) = ("preset=bone&layout=color&annotations=anna", "preset=bone&layout=color");
+    let (scene, plain) =
+        ("preset=bone&layout=color&frame=volume&annotations=anna", "preset=bone&layout=color&frame=volume");
     let (head, frame) = running.get(&format!("{path}/frame?{scene}"));
     assert!(head.to_lowercase().contains("relief-annotations: drawn=3, left_out=0"), "{head}");
     let picture = image::load_from_memory(&frame).unwrap().to_rgb8();

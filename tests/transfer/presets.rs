@@ -59,7 +59,7 @@ fn every_thumbnail_shows_the_head_in_its_own_way() {
     // The last thumbnail lies whole in the last row.
     let (last, row) = (pictures.last().unwrap(), (PRESETS.len() - 1) / 6);
     let column = (PRESETS.len() - 1) % 6;
-    let (left, top) = (8 + 168 * u32::try_from(column).unwrap(), 8 + 144 * u32::try_from(row).unwrap());
+    let (left, top) = (8 + 168 * u32::try_from(column).unwrap(), 8 + 148 * u32::try_from(row).unwrap());
     for (x, y, pixel) in last.enumerate_pixels() {
         assert_eq!(sheet.get_pixel(left + x, top + y), pixel, "{x}, {y}");
     }

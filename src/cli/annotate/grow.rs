@@ -20,7 +20,7 @@ The region is what is connected to the seeds by the faces of voxels. A region th
 nothing is made. Parts behind bridges thinner than --neck-mm are left out, and voxels farther than --max-radius-mm.
 
 Examples:
-  relief annotate --db ann.db grow --series head --seed 0,-20,45 --hu 300,3000 --name skull
+  relief annotate --db ann.db grow --series head --seed 0,-88,45 --hu 300,3000 --name skull
   relief annotate --db ann.db grow --series chest --seed 12,-30,-90 --hu 150,600 --max-ml 400 --neck-mm 4 --name aorta")]
 pub(super) struct GrowArguments {
     #[command(flatten)]

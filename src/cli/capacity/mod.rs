@@ -11,6 +11,7 @@ use super::adapter::AdapterArguments;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
+use relief_render::Subject;
 use relief_study::{Capacity, CapacityMeasurement, GroupNeeds, ViewerHabits, measure_capacity, process_mib};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
@@ -67,7 +68,7 @@ pub(super) fn run(arguments: &CapacityArguments, order: &CapacityRun<'_>) -> any
         }
         None => (PhantomRecipe::new(PhantomKind::Head).make().volume, None),
     };
-    let scene = scene_file.resolve_labelled(volume.grid(), &order.scene.orbit(), labels.as_ref())?;
+    let scene = scene_file.resolve_for(&Subject::of(&volume, labels.as_ref()), &order.scene.orbit())?;
     scene.expect_no_annotations()?;
     let measured = measure_capacity(renderer, &volume, &scene, order.frames, base_mib)?;
     let habits = ViewerHabits { viewer_fps, moving_share, ..ViewerHabits::default() };

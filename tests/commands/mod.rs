@@ -1,0 +1,93 @@
+//! The commands of README and `docs` run as they are written, in their order, in a fresh folder.
+//!
+//! Before a document begins, its folder has what the document takes for granted: series `head`, `chest`
+//! and `abdomen`, an `archive`, files of other tools. Of a command only its port is replaced, and the id
+//! of a volume where the document writes `ID`. Commands that need what a test machine has not are in
+//! [`EXCLUDED`], with the reason.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
+#![cfg(unix)]
+
+mod blocks;
+mod session;
+mod world;
+
+use std::path::Path;
+
+use self::blocks::{Block, blocks};
+use self::session::Session;
+use self::world::World;
+use crate::common::software_adapter;
+
+/// Parts of commands that are not run, and why.
+const EXCLUDED: &[(&str, &str)] = &[
+    ("scripts/demo", "installs packages; the demo has a test of its own"),
+    ("scripts/test", "runs this test"),
+    ("scripts/serve-cluster", "needs nginx and PostgreSQL; tests of clusters run it"),
+    ("docker compose", "needs Docker"),
+    ("scripts/setup-ipopt", "downloads packages"),
+    ("cargo ", "builds"),
+    ("scripts/compare-track", "compares with peers for minutes; the peers have tests"),
+    ("relief golden", "is for the project's folder; tests of golden pictures run it"),
+    ("s3://", "needs a bucket; tests of batches run it"),
+    ("nats://", "needs a queue; tests of batches run it"),
+    ("sbatch", "needs Slurm; tests of batches run it"),
+    ("/data/", "is for the paths of a cluster"),
+    ("hidraw", "needs a Wiimote"),
+    ("ct-server", "needs a server in the network"),
+    ("chromium", "needs a display; tests of pages run a browser"),
+    ("survey.jsonl", "needs a Wiimote's recording; tests of calibration simulate one"),
+    ("relief annotate accuracy", "takes minutes; a test runs it with few users"),
+    ("relief track design", "takes minutes; tests run it with few poses"),
+    ("relief track experiment", "takes minutes; tests run it with few poses"),
+    ("turntable:60", "plans 60 pictures of each series; others are run"),
+    ("--igtl", "needs a Wiimote"),
+    ("relief bench", "measures for a minute; tests of the benchmark run it"),
+    ("--passes 256", "traces 256 passes; pictures are tested with fewer"),
+    ("/studies/STUDY-UID", "needs the UIDs of a series; tests of DICOMweb run it"),
+    ("$S/", "needs the UIDs of a series; tests of DICOMweb run it"),
+    ("segments.nii.gz", "needs a label map of organs; tests of labels run it"),
+    ("mjpeg", "streams without end"),
+    ("$RELIEF_TOKEN", "needs the token that was printed; tests of identity run it"),
+];
+
+/// Invariant: Every command of README and the pages in `docs` runs as written, or has a reason not to.
+#[test]
+fn every_command_of_the_documents_runs() {
+    if software_adapter("the commands of the documents").is_none() {
+        return;
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let world = World::new();
+    let mut unused: Vec<&str> = EXCLUDED.iter().map(|(part, _)| *part).collect();
+    let (mut ran, mut failures) = (0, Vec::new());
+    for document in documents(root) {
+        let mut session = Session::new(&world, root, &document);
+        for Block { line, command } in blocks(&std::fs::read_to_string(root.join(&document)).unwrap()) {
+            let excluded = EXCLUDED.iter().find(|(part, _)| command.contains(part));
+            if let Some((part, _)) = excluded {
+                unused.retain(|known| known != part);
+                continue;
+            }
+            let began = std::time::Instant::now();
+            if let Err(reason) = session.run(&command) {
+                failures.push(format!("{document}:{line}: {command}\n    {reason}"));
+            }
+            ran += 1;
+            eprintln!("{document}:{line}: {:.1} s: {command}", began.elapsed().as_secs_f64());
+        }
+    }
+    assert!(failures.is_empty(), "{} of {ran} commands failed:\n{}", failures.len(), failures.join("\n"));
+    assert!(unused.is_empty(), "no document has these any more: {unused:?}");
+    assert!(ran > 60, "{ran} commands");
+}
+
+/// README first, then the pages, by their names.
+fn documents(root: &Path) -> Vec<String> {
+    let pages = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
+    let pages = pages.map(|name| format!("docs/{}", name.to_str().unwrap()));
+    let mut pages: Vec<String> = pages.filter(|name| name.ends_with(".md")).collect();
+    pages.sort();
+    pages.insert(0, "README.md".to_owned());
+    pages
+}
