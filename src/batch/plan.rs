@@ -166,9 +166,7 @@ fn jobs_of(
         return Ok(Err(SkipReason::NoAnnotations));
     }
     let job = |view: View| {
-        let mut scene = request.scene.clone();
-        scene.extend(view.scene);
-        write_rules(&mut scene);
+        let scene = scene_of(&request.scene, view.scene);
         let orbit = match view.orbit {
             Some([azimuth_deg, elevation_deg]) => Orbit { azimuth_deg, elevation_deg, ..request.orbit },
             None => request.orbit,
@@ -177,6 +175,18 @@ fn jobs_of(
         Job::new(found.source.clone(), view.name, view.group, scene, orbit, products, kept.clone())
     };
     Ok(Ok(views.into_iter().map(job).collect()))
+}
+
+/// The scene of a view: the shared keys, and its own in place of theirs. A shared preset colours
+/// volumes; a slice without a transfer function of its own has the window of the body part.
+fn scene_of(shared: &Map<String, Value>, own: Map<String, Value>) -> Map<String, Value> {
+    let mut scene = shared.clone();
+    if own.contains_key("slice") && shared.get("transfer").is_some_and(Value::is_string) {
+        scene.remove("transfer");
+    }
+    scene.extend(own);
+    write_rules(&mut scene);
+    scene
 }
 
 /// Writes what decides a picture where a scene says nothing, so that a job's key covers it. A view

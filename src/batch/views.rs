@@ -36,6 +36,13 @@ pub struct ViewSet {
 const MOST_TURNS: u32 = 720;
 
 impl ViewSet {
+    /// Whether all views are slices, as far as views are known before annotations are read.
+    #[must_use]
+    pub fn are_slices(&self) -> bool {
+        let all = self.views.iter().all(|view| view.scene.contains_key("slice"));
+        all && !self.views.is_empty() && !self.needs_annotations()
+    }
+
     /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, `landmarks`,
     /// `cameras`, or a file: a JSON array of `{"name", "scene"}`.
     ///

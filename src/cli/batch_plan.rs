@@ -51,7 +51,8 @@ pub(super) struct PlanArguments {
     /// Scene that all views share, as JSON
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Preset of colours and light of all views
+    /// Preset of colours and light of all views except slices, which have a window [default: one that
+    /// suits each series; so has the window]
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
     /// Width and height of pictures, where the layout does not say
@@ -93,6 +94,11 @@ pub(super) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
     let scene = shared_scene(arguments)?;
     expect_annotations(arguments, &views, &products)?;
     expect_perspective(&views, &products)?;
+    if arguments.preset.is_some() && views.are_slices() {
+        eprintln!(
+            "warning: --preset colours volumes, and all views are slices, whose window suits the body part"
+        );
+    }
     let annotations = arguments.annotations.as_deref().map(|place| open_log(place, arguments)).transpose()?;
     let query = arguments.query.clone().unwrap_or_default();
     let copies = arguments.copies.copies();

@@ -49,14 +49,14 @@ fn a_folder_with_series_and_manifest_can_be_moved_and_run_from_anywhere() {
 #[test]
 fn manifests_that_are_none_are_refused_with_line_and_reason() {
     let archive = Archive::of_phantoms(1);
-    ok(&archive.plan(&["--views", "planes"]));
+    ok(&archive.plan(&["--views", "sides"]));
     let text = std::fs::read_to_string(archive.path("jobs.jsonl")).unwrap();
     let first = text.lines().next().unwrap();
     let refused = |text: &str| read_manifest(text.as_bytes()).unwrap_err().to_string();
     assert!(refused("\n\n{\n").starts_with("line 3 is not a valid job"));
     assert!(refused(&first.replace("\"bone\"", "\"skin\"")).contains("plan anew instead of editing jobs"));
     assert!(refused(&format!("{first}\n{first}")).contains("lines 1 and 2 would both write"));
-    assert!(refused(&first.replace("\"axial\"", "\"../axial\"")).contains("view is \"../axial\""));
+    assert!(refused(&first.replace("\"anterior\"", "\"../anterior\"")).contains("view is \"../anterior\""));
     assert!(refused(&first.replace("\"view\"", "\"sight\"")).contains("sight"));
     assert!(read_manifest(&b""[..]).unwrap().is_empty());
     let bytes = first.as_bytes();

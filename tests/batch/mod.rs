@@ -133,6 +133,11 @@ fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
     ok(&relief(&[&fixed[..], &["--azimuth-deg", "90", "--out", &single]].concat()));
     let name = format!("{}/turntable-001.color.png", job["series"]["name"].as_str().unwrap());
     assert!(made[&name] == std::fs::read(&single).unwrap(), "{name} is another picture than relief render's");
+    // A slice has the window of the body part, not the preset of the volume's views.
+    let fixed = ["render", "--series", &series, "--plane", "axial", "--size", "64x48", "--layout", "color"];
+    ok(&relief(&[&fixed[..], &["--out", &single]].concat()));
+    let name = format!("{}/axial.color.png", job["series"]["name"].as_str().unwrap());
+    assert!(made[&name] == std::fs::read(&single).unwrap(), "{name} is another picture than relief render's");
 
     let again = ok(&archive.run(&[]));
     assert_eq!(

@@ -150,6 +150,8 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     let id = serving.ready();
+    let listed: Value = serde_json::from_slice(&serving.get("/v1/volumes")).unwrap();
+    let narrowest_aspect = listed["volumes"][0]["framing"]["narrowest_aspect"].as_f64().unwrap();
     let file = folder.path().join("frame.png");
     let out = file.to_str().unwrap();
     for (layout, more) in
@@ -161,9 +163,9 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         assert!(output.status.success(), "{layout}: {}", text(&output.stderr));
         let size = more.iter().position(|name| *name == "--size").map_or("", |_| "&size_px=400,300");
         let factor = more.iter().position(|name| *name == "--factor").map_or("", |_| "&factor=90");
-        // A view stands back in a picture that is taller than wide; a request's zoom is of its
-        // height.
-        let zoom = if layout == "wowvx-full-height" { 1.2 * (960.0 / 1080.0) } else { 1.2 };
+        // A view stands back in a narrow picture; a request's zoom is of the picture's height.
+        let is_narrow = layout == "wowvx-full-height";
+        let zoom = 1.2 * if is_narrow { (960.0 / 1080.0 / narrowest_aspect).min(1.0) } else { 1.0 };
         let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}&frame=tissue");
         let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
         let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));

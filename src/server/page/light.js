@@ -1,4 +1,4 @@
-// The controls of light: a set of placed lights, and how much less light nooks have.
+// The controls of light: a set of placed lights, and the strength of ambient occlusion.
 
 const $ = (id) => document.getElementById(id);
 
