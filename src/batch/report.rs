@@ -177,6 +177,10 @@ fn figure(ReportedJob { record, small }: &ReportedJob) -> Markup {
                     (width) " × " (height) ", rendered in " (format!("{:.0}", record.render_ms)) " ms, "
                     (bytes.div_ceil(1000)) " kB"
                 }
+                @if let Some(warning) = &record.picture_warning {
+                    br;
+                    "Warning: " (shortened(warning))
+                }
             }
         }
     }

@@ -19,7 +19,7 @@ use super::record::Record;
 use super::sink::Sink;
 use super::source::{BudgetedVolume, SeriesError, SeriesSource};
 use crate::output_file::OutputFile;
-use relief_render::{GpuError, Overlays, RenderError, Renderer, Scene, SceneError, SceneFile, Subject};
+use relief_render::{GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, SceneError, SceneFile, Subject};
 
 /// What to run and how.
 #[derive(Clone, Debug)]
@@ -104,6 +104,7 @@ struct Finished<J> {
     job: J,
     sight: RenderedView,
     warnings: Vec<String>,
+    picture_warning: Option<String>,
 }
 
 /// State that all threads of a run share.
@@ -277,7 +278,8 @@ fn render_series<J: Borrow<Job>>(
         match render(renderer, loaded, job.borrow()) {
             Ok(sight) => {
                 let (timings, waiting) = (sight.frame.timings, Instant::now());
-                let picture = Finished { job, sight, warnings: loaded.warnings.clone() };
+                let picture_warning = warning_of(&sight, loaded);
+                let picture = Finished { job, sight, warnings: loaded.warnings.clone(), picture_warning };
                 if finished.send(picture).is_err() {
                     return false;
                 }
@@ -291,6 +293,14 @@ fn render_series<J: Borrow<Job>>(
         }
     }
     true
+}
+
+/// The warning about a picture that shows nothing, or has no depth.
+fn warning_of(view: &RenderedView, loaded: &BudgetedVolume<'_>) -> Option<String> {
+    let subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
+    let range_hu = loaded.volume.range_hu();
+    let warning = PictureWarning::of(&view.frame, &view.display, &view.request, &subject, range_hu);
+    warning.map(|warning| warning.to_string())
 }
 
 /// The picture before overlays are drawn.
@@ -339,7 +349,7 @@ fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &R
 }
 
 fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result<Record, SeriesError> {
-    let Finished { job, sight, warnings } = picture;
+    let Finished { job, sight, warnings, picture_warning } = picture;
     let (job, started) = (job.borrow(), Instant::now());
     let refused =
         |error: std::io::Error| SeriesError::retryable(format_args!("cannot write {}: {error}", job.name()));
@@ -365,6 +375,7 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result
         write_ms: started.elapsed().as_secs_f64() * 1e3,
         size_px: sight.frame.size_px,
         warnings: warnings.iter().chain(&made.warnings).cloned().collect(),
+        picture_warning: picture_warning.clone(),
     };
     record.write(job, shared.sink).map_err(refused)?;
     Ok(record)

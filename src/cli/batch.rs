@@ -21,7 +21,7 @@ use crate::batch_shared::bar;
 use crate::batch_shared::read;
 use relief_batch::run as run_jobs;
 use relief_batch::{
-    Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, RunError, RunEvent,
+    Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, Record, RunError, RunEvent,
     Shard, Sink, Summary, write_report,
 };
 
@@ -246,6 +246,9 @@ impl RunProgress {
     fn tell(&self, step: RunEvent<'_>) {
         self.bar.inc(1);
         let Ok(mut told) = self.told.lock() else { return };
+        if let RunEvent::Done(job, Record { picture_warning: Some(warning), .. }) = step {
+            self.bar.suspend(|| eprintln!("warning: {}: {warning}", job.name()));
+        }
         if let RunEvent::Failed(Failure { name, reason, .. }) = step {
             told.1 += 1;
             self.bar.set_message(format!("({} failed)", told.1));

@@ -150,7 +150,12 @@ pub(super) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     let started = Instant::now();
     let tell = |step: RunEvent<'_>| match step {
         RunEvent::Failed(failure) => eprintln!("failed: {}: {}", failure.name, failure.reason),
-        RunEvent::Done(job, record) => tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms),
+        RunEvent::Done(job, record) => {
+            tracing::debug!("done: {} in {:.0} ms", job.name(), record.render_ms);
+            if let Some(warning) = &record.picture_warning {
+                eprintln!("warning: {}: {warning}", job.name());
+            }
+        }
         RunEvent::Skipped(job) => tracing::debug!("done before: {}", job.name()),
     };
     let worked = work_queue(&mut renderer, &runtime, &queue, &options, stop, &tell)

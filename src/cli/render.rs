@@ -16,7 +16,7 @@ use super::source::SeriesArguments;
 use super::views;
 use relief_annotation::ShownSets;
 use relief_render::{
-    EmptyCause, Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, Subject,
+    Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, Subject,
 };
 use relief_session::encode;
 use relief_session::{FileFormat, Product, SpeedBook};
@@ -134,7 +134,8 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     check_outputs(&out, depth_out.as_ref())?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let labels = series.load_labels(loaded.volume.grid())?;
-    let mut scene = scene_file.resolve_for(&Subject::of(&loaded.volume, labels.as_ref()), &scene.orbit())?;
+    let subject = Subject::of(&loaded.volume, labels.as_ref());
+    let mut scene = scene_file.resolve_for(&subject, &scene.orbit())?;
     draw_annotations(annotations.as_deref(), &loaded, &mut scene)?;
     if out.format == FileFormat::Png {
         scene.expect_size_of_layout()?;
@@ -146,7 +147,10 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
     let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
-    warn_of_emptiness(&loaded.volume, &scene, &frame);
+    let range_hu = loaded.volume.range_hu();
+    if let Some(warning) = PictureWarning::of(&frame, &scene.display, &scene.request, &subject, range_hu) {
+        eprintln!("warning: {warning}");
+    }
     let made = match choice {
         views::ViewChoice::Synthesised => None,
         _ => Some(views::make(choice, &scene, &frame, &mut renderer, &loaded.volume, render)?),
@@ -233,23 +237,6 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
         }
     }
     Ok(())
-}
-
-/// Says why a picture shows nothing, or why its depth does not.
-fn warn_of_emptiness(volume: &Volume, scene: &Scene, frame: &RenderedFrame) {
-    let depths = || frame.depth_mm.iter().filter(|depth| depth.is_finite()).map(|depth| f64::from(*depth));
-    if depths().next().is_none() {
-        eprintln!("warning: nothing is visible: {}", EmptyCause::of(volume, &scene.request));
-        return;
-    }
-    let Ok(limits) = frame.limits_for(&scene.display) else { return };
-    if !depths().any(|depth| limits.near_mm < depth && depth < limits.far_mm) {
-        let (low, high) = depths().fold((f64::MAX, f64::MIN), |(low, high), mm| (low.min(mm), high.max(mm)));
-        eprintln!(
-            "warning: near_mm and far_mm, {:.1} to {:.1}, leave out all that is visible, at {low:.1} to {high:.1} mm: the picture has no depth",
-            limits.near_mm, limits.far_mm
-        );
-    }
 }
 
 /// What was chosen for the anatomy, and why.

@@ -9,7 +9,7 @@ use super::labels::Labels;
 use super::mode::Mode;
 use super::request::{Clip, RenderRequest};
 use relief_base::{Patient, Point, Voxel};
-use relief_volume::{Framing, Grid, LabelMap, Occupancy, Orbit, Volume};
+use relief_volume::{Framing, Grid, LabelMap, Occupancy, Orbit};
 
 /// What a camera is fitted to where a scene has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
@@ -90,50 +90,7 @@ pub const TISSUE_VIEW: Orbit =
 /// Width by height of the pictures to which tissue is fitted.
 const TISSUE_ASPECT: f64 = 16.0 / 9.0;
 
-/// Why a picture shows nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EmptyCause {
-    /// No value of the volume is visible; it has values between these, HU.
-    Transfer([i16; 2]),
-    /// Clips or hidden segments remove everything that is visible.
-    Clip,
-    /// The rays miss what is left.
-    Camera,
-}
-
-impl std::fmt::Display for EmptyCause {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Transfer([low, high]) => {
-                write!(
-                    f,
-                    "the transfer function or isosurface shows no value of the volume, {low} to {high} HU"
-                )
-            }
-            Self::Clip => {
-                f.write_str("clip planes, box, sphere or hidden segments remove everything that is visible")
-            }
-            Self::Camera => f.write_str("the camera, or the slice's plane, misses the volume"),
-        }
-    }
-}
-
-impl EmptyCause {
-    /// Why a request's picture of a volume shows nothing, if it does so.
-    #[must_use]
-    pub fn of(volume: &Volume, request: &RenderRequest) -> Self {
-        let shown = request.shown(volume);
-        let (occupancy, grid) = (shown.occupancy(), shown.grid());
-        let visible = occupancy.cells(|low, high| is_visible(request, low, high));
-        if visible.points(grid).is_empty() {
-            let (low, high) = shown.range_hu();
-            return Self::Transfer([low, high]);
-        }
-        if visible_points(occupancy, grid, request).is_empty() { Self::Clip } else { Self::Camera }
-    }
-}
-
-fn visible_points(occupancy: &Occupancy, grid: &Grid, request: &RenderRequest) -> Vec<Point<Patient>> {
+pub(crate) fn visible_points(occupancy: &Occupancy, grid: &Grid, request: &RenderRequest) -> Vec<Point<Patient>> {
     let cells = occupancy.cells(|low, high| is_visible(request, low, high));
     let is_shown = |[first, end]: [[usize; 3]; 2]| {
         let middle: [f64; 3] = std::array::from_fn(|axis| (first[axis] + end[axis]) as f64 / 2.0 - 0.5);
@@ -145,7 +102,7 @@ fn visible_points(occupancy: &Occupancy, grid: &Grid, request: &RenderRequest) -
 }
 
 /// Whether a request shows a value from `low` to `high` HU.
-fn is_visible(request: &RenderRequest, low: i16, high: i16) -> bool {
+pub(crate) fn is_visible(request: &RenderRequest, low: i16, high: i16) -> bool {
     let transfer = &request.transfer;
     match request.mode {
         Mode::Composite | Mode::PathTraced => {

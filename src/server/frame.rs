@@ -28,7 +28,7 @@ use super::query::{Query, SceneQuery};
 use super::state::{AppState, Pictures};
 use relief_annotation::value_at;
 use relief_base::{Patient, Point};
-use relief_render::{RenderedFrame, RequestError, Scene, depth_limits};
+use relief_render::{PictureWarning, RenderedFrame, RequestError, Scene, depth_limits};
 use relief_session::{
     EncodingError, FileFormat, LeftOutCounts, Origin, Product, Rendered, VolumeEntry, encode,
 };
@@ -41,6 +41,7 @@ const SCENE_BYTES: usize = 1 << 20;
 
 static RELIEF_ANNOTATIONS: HeaderName = HeaderName::from_static("relief-annotations");
 static RELIEF_CAMERA: HeaderName = HeaderName::from_static("relief-camera");
+static RELIEF_WARNING: HeaderName = HeaderName::from_static("relief-warning");
 static SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 /// The routes of a product: a scene in the query of a GET or in the body of a POST.
@@ -248,12 +249,17 @@ pub(super) async fn answer_as(
     let rendered = render(pictures, entry, scene).await?;
     let limits = rendered.frame.limits_for(&scene.display)?;
     let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
+    let (subject, range_hu) = (entry.subject(), entry.range_hu);
+    let warning = PictureWarning::of(&rendered.frame, &scene.display, &scene.request, &subject, range_hu);
     let (bytes, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
     let mut response = (validators(tag), bytes).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
     headers.insert(&SERVER_TIMING, ascii(&timing(&rendered, encode_ms)));
     headers.insert(&RELIEF_CAMERA, ascii(&camera));
+    if let Some(warning) = warning {
+        headers.insert(&RELIEF_WARNING, ascii(&format!("{}; {warning}", warning.code())));
+    }
     Ok(response)
 }
 

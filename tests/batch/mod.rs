@@ -148,6 +148,27 @@ fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
 }
 
 #[test]
+fn a_picture_without_content_is_a_warning_of_run_record_and_report() {
+    if software_adapter("batches of empty views").is_none() {
+        return;
+    }
+    let archive = Archive::of_phantoms(1);
+    let views = archive.text("views.json");
+    let far = r#"{"clip": {"box_mm": [[900, 900, 900], [901, 901, 901]]}}"#;
+    std::fs::write(&views, format!(r#"[{{"name": "whole"}}, {{"name": "far", "scene": {far}}}]"#)).unwrap();
+    ok(&archive.plan(&["--views", &views]));
+    let run = archive.run(&[]);
+    let said = String::from_utf8_lossy(&run.stderr);
+    let warning = "nothing is visible: clip planes, box, sphere or hidden segments remove everything";
+    assert_eq!(said.matches("warning: ").count(), 1, "{said}");
+    assert!(said.contains("/far: ") && said.contains(warning), "{said}");
+    let made = files(&archive.path("out"));
+    let with_warning = made.iter().filter(|(_, bytes)| String::from_utf8_lossy(bytes).contains(warning));
+    let names: Vec<_> = with_warning.map(|(name, _)| name.rsplit('/').next().unwrap()).collect();
+    assert_eq!(names, ["report.html", "far.json"]);
+}
+
+#[test]
 fn the_report_stands_alone_and_has_sheets_and_turntables() {
     if software_adapter("reports of batches").is_none() {
         return;

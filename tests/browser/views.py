@@ -8,6 +8,7 @@ import pathlib
 import sys
 import urllib.parse
 
+import axe_playwright_python
 from pages import Page, Server, Window, launched
 from playwright.sync_api import sync_playwright
 
@@ -28,6 +29,23 @@ OUTSIDE = """
   return box.left < -1 || box.right > innerWidth + 1;
 }).map((control) => control.outerHTML.slice(0, 90))
 """
+
+
+#: axe-core, the accessibility checks of Deque, as its Python package has them.
+AXE = (pathlib.Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+#: The violations of a page: rule, impact and elements.
+VIOLATIONS = """
+axe.run(document, { resultTypes: ['violations'] }).then(({ violations, passes }) => ({
+  passes: passes.length,
+  violations: violations.map(({ id, impact, nodes }) => [id, impact, nodes.map(({ html, failureSummary }) => [html.slice(0, 160), failureSummary])]),
+}))
+"""
+
+
+def accessibility(page):
+    """What axe-core finds in a page as it is shown."""
+    page.page.evaluate(AXE)
+    return page.page.evaluate(VIOLATIONS)
 
 
 def settled(page):
@@ -150,6 +168,7 @@ def looks(browser, server):
             wide = page.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
             outside = page.page.evaluate(OUTSIDE)
             found[f"{size} {name}"] = {**nameless(page), "wide": wide, "outside": outside, "problems": page.problems}
+            found[f"{size} {name}"]["axe"] = accessibility(page)
             if name in ("volume", "annotate"):
                 page.page.click("#help-button")
                 page.page.wait_for_timeout(200)

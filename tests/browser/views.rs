@@ -63,7 +63,7 @@ fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
 }
 
 /// Invariant: Every control of the pages has a name and stays inside the window, on desktop and
-/// phone screens.
+/// phone screens, and axe-core finds no violation.
 #[test]
 fn every_control_has_a_name_and_nothing_reaches_out_of_the_window() {
     let Some(seen) = seen("all pages on two screens") else { return };
@@ -74,6 +74,8 @@ fn every_control_has_a_name_and_nothing_reaches_out_of_the_window() {
         assert!(found["controls"].as_u64().unwrap() >= 4, "{page}: {found}");
         assert_eq!(found["without"], json!([]), "{page}: controls without a name");
         assert_eq!(found["outside"], json!([]), "{page}: controls beyond the window");
+        assert_eq!(found["axe"]["violations"], json!([]), "{page}");
+        assert!(found["axe"]["passes"].as_u64().unwrap() >= 10, "{page}: axe-core checked nothing");
         let [has, room] = [0, 1].map(|i| number(&found["wide"][i]));
         assert!(has <= room, "{page}: {has} pixels wide, the window {room}");
         if let Some(help) = found.get("help") {

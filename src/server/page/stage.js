@@ -79,6 +79,8 @@ export class Stage {
       $(`edge-${edge}`).hidden = picture.kind === "frame";
     }
     $("timing").textContent = timingWords(picture);
+    $("picture-warning").textContent = picture.warning ?? "";
+    $("picture-warning").hidden = picture.warning === undefined;
     this.#refine(picture);
   }
 

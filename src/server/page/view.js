@@ -190,7 +190,9 @@ export class Fetcher {
     const spent = timings(answer.headers.get("Server-Timing"));
     const camera = JSON.parse(answer.headers.get("Relief-Camera") ?? "null");
     const quality = JSON.parse(answer.headers.get("Relief-Quality") ?? "null");
-    this.show({ ...order, bitmap, camera, spent, quality, totalMs: performance.now() - since });
+    // A code, a semicolon, and the text for people.
+    const warning = answer.headers.get("Relief-Warning")?.split("; ").slice(1).join("; ");
+    this.show({ ...order, bitmap, camera, spent, quality, warning, totalMs: performance.now() - since });
   }
 
   /** Asks again, ever later and not for ever, when the error says that it will pass. A newer order goes first. */

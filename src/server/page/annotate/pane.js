@@ -37,6 +37,7 @@ export class Pane {
     Object.assign(this, { name, title, model, hand, shown: null, sight: null, fail });
     this.picture = element("canvas", { className: "picture" });
     this.picture.setAttribute("role", "img");
+    this.picture.setAttribute("aria-label", `Picture, ${title}`);
     this.layer = element("canvas", { className: "layer" });
     this.layer.setAttribute("aria-hidden", "true");
     this.svg = document.createElementNS(SVG, "svg");

@@ -1,0 +1,114 @@
+//! Warnings about pictures that show nothing, and about depth that is flat.
+//!
+//! Depths: view depth, mm.
+
+use std::fmt;
+
+use super::frame::RenderedFrame;
+use super::framing::{is_visible, visible_points};
+use super::request::RenderRequest;
+use super::scene::Subject;
+use relief_base::DepthLimits;
+use relief_display::DisplaySettings;
+
+/// What is wrong with a picture that was rendered as requested.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PictureWarning {
+    /// No ray hit anything.
+    NothingVisible(EmptyCause),
+    /// All that is visible is beyond the depth limits, on one side or both.
+    FlatDepth {
+        /// The limits of the picture.
+        limits: DepthLimits,
+        /// The nearest and the farthest visible depth, mm.
+        visible_mm: [f32; 2],
+    },
+}
+
+/// Why a picture shows nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EmptyCause {
+    /// No value of the volume is visible; it has values between these, HU.
+    Transfer([i16; 2]),
+    /// Clips or hidden segments remove everything that is visible.
+    Clip,
+    /// The rays miss what is left.
+    Camera,
+}
+
+impl PictureWarning {
+    /// The warning about a picture of a volume, whose values are between `range_hu`; `None` where it
+    /// shows something and has depth.
+    #[must_use]
+    pub fn of(
+        frame: &RenderedFrame,
+        display: &DisplaySettings,
+        request: &RenderRequest,
+        subject: &Subject<'_>,
+        range_hu: (i16, i16),
+    ) -> Option<Self> {
+        let depths = || frame.depth_mm.iter().copied().filter(|depth| depth.is_finite());
+        if depths().next().is_none() {
+            return Some(Self::NothingVisible(EmptyCause::of(request, subject, range_hu)));
+        }
+        let limits = frame.limits_for(display).ok()?;
+        let is_between = |depth: f32| (limits.near_mm..limits.far_mm).contains(&f64::from(depth));
+        if depths().any(is_between) {
+            return None;
+        }
+        let visible_mm = [depths().fold(f32::MAX, f32::min), depths().fold(f32::MIN, f32::max)];
+        Some(Self::FlatDepth { limits, visible_mm })
+    }
+
+    /// The name in HTTP headers and JSON.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::NothingVisible(_) => "nothing-visible",
+            Self::FlatDepth { .. } => "flat-depth",
+        }
+    }
+}
+
+impl fmt::Display for PictureWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NothingVisible(cause) => write!(f, "nothing is visible: {cause}"),
+            Self::FlatDepth { limits, visible_mm: [nearest, farthest] } => write!(
+                f,
+                "near_mm and far_mm, {:.1} to {:.1}, leave out all that is visible, at {nearest:.1} to {farthest:.1} mm: the picture has no depth",
+                limits.near_mm, limits.far_mm
+            ),
+        }
+    }
+}
+
+impl EmptyCause {
+    /// Why a request's picture shows nothing, if it does so. Clips and segments are judged where the
+    /// subject has an occupancy.
+    fn of(request: &RenderRequest, subject: &Subject<'_>, (low, high): (i16, i16)) -> Self {
+        let Some(occupancy) = subject.occupancy else { return Self::Camera };
+        let visible = occupancy.cells(|low, high| is_visible(request, low, high));
+        if visible.points(subject.grid).is_empty() {
+            return Self::Transfer([low, high]);
+        }
+        if visible_points(occupancy, subject.grid, request).is_empty() { Self::Clip } else { Self::Camera }
+    }
+}
+
+impl fmt::Display for EmptyCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Transfer([low, high]) => {
+                write!(
+                    f,
+                    "the transfer function or isosurface shows no value of the volume, {low} to {high} HU"
+                )
+            }
+            Self::Clip => {
+                f.write_str("clip planes, box, sphere or hidden segments remove everything that is visible")
+            }
+            Self::Camera => f.write_str("the camera, or the slice's plane, misses the volume"),
+        }
+    }
+}
