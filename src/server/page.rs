@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 66] = [
+const FILES: [(&str, &str, &str); 67] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -58,6 +58,7 @@ const FILES: [(&str, &str, &str); 66] = [
     ("/preview.js", SCRIPT, include_str!("page/preview.js")),
     ("/presets.js", SCRIPT, include_str!("page/presets.js")),
     ("/labels.js", SCRIPT, include_str!("page/labels.js")),
+    ("/cine.js", SCRIPT, include_str!("page/cine.js")),
     ("/slices.js", SCRIPT, include_str!("page/slices.js")),
     ("/light.js", SCRIPT, include_str!("page/light.js")),
     ("/surface.js", SCRIPT, include_str!("page/surface.js")),

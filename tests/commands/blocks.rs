@@ -34,7 +34,9 @@ pub(super) fn blocks(text: &str) -> Vec<Block> {
     found
 }
 
+/// Quotation marks in a comment do not count.
 fn is_complete(command: &str) -> bool {
+    let command = without_comment(command);
     command.matches('\'').count().is_multiple_of(2) && !command.trim_end().ends_with('\\')
 }
 
@@ -46,7 +48,7 @@ fn without_comment(command: &str) -> String {
 
 #[test]
 fn commands_of_several_lines_and_comments_are_read() {
-    let text = "a\n```sh\nrelief x   # why\ncurl -d '{\n}' y\nrelief \\\n  z\n\n```\nb\n```json\n{}\n```\n";
+    let text = "a\n```sh\nrelief x   # the user's\ncurl -d '{\n}' y\nrelief \\\n  z\n\n```\nb\n```json\n{}\n```\n";
     let found: Vec<_> = blocks(text).into_iter().map(|block| (block.line, block.command)).collect();
     let expected = [(3, "relief x"), (4, "curl -d '{\n}' y"), (6, "relief \\\n  z")];
     assert_eq!(found, expected.map(|(line, command)| (line, command.to_owned())));

@@ -41,7 +41,6 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("relief track design", "takes minutes; tests run it with few poses"),
     ("relief track experiment", "takes minutes; tests run it with few poses"),
     ("turntable:60", "plans 60 pictures of each series; others are run"),
-    ("--igtl", "needs a Wiimote"),
     ("relief bench", "measures for a minute; tests of the benchmark run it"),
     ("--passes 256", "traces 256 passes; pictures are tested with fewer"),
     ("/studies/STUDY-UID", "needs the UIDs of a series; tests of DICOMweb run it"),

@@ -1,6 +1,7 @@
 // The page: wires controls, pointer and keyboard to the state, and the state to the stage.
 
 import { recall, remember } from "./address.js";
+import { Cine } from "./cine.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
@@ -12,7 +13,7 @@ import { fitOf, normalized, shifted, zoomedAt } from "./orbit.js";
 import { Picks } from "./picks.js";
 import { PresetGrid } from "./presets.js";
 import { Preview } from "./preview.js";
-import { PLANES, dragged, onControls, paged, showControls, sliceWords, windowed, zoomed } from "./slices.js";
+import { PLANES, advanced, dragged, onControls, paged, showControls, sliceWords, windowed, zoomed } from "./slices.js";
 import { Stage } from "./stage.js";
 import { $, DOT, VIEWS, choose, overlayBoxes, showHelp, slicing, state, volumePath } from "./state.js";
 import { describeSurface, onSurface } from "./surface.js";
@@ -22,11 +23,20 @@ const panel = $("panel");
 let presets = [];
 let volumes = [];
 
-const stage = new Stage({ asked, drawn: () => picks.draw() });
+const stage = new Stage({ asked, drawn });
 const picks = new Picks(() => stage.shown);
 const preview = new Preview($("preview"), panel.querySelectorAll('input[name="preview"]'), state, { chosen: remember, fail: showFailure });
 const grid = new PresetGrid($("presets"), $("presets"), () => stage.isBusy);
 const refresh = (how) => stage.refresh(how);
+const cine = new Cine({
+  button: $("cine"), rate: $("cine-rate"), rest: refresh,
+  next: () => setSlice((slice) => advanced(slice, state.volume)),
+});
+
+function drawn() {
+  picks.draw();
+  cine.shown();
+}
 
 function asked() {
   preview.changed();
@@ -67,6 +77,7 @@ function setPose(change, { moving = true } = {}) {
 
 /** Another plane through the same place, or the volume again. */
 function showPlane(plane) {
+  if (plane !== state.slice.plane) cine.stop();
   state.slice = { ...state.slice, plane };
   choose("plane", plane);
   refresh();
@@ -86,7 +97,10 @@ function zoom(ratio, at) {
   setPose(zoomedAt(state.pose, state.volume, state.fieldOfView, stage.size, ratio, at));
 }
 
-const page = (steps) => setSlice((slice) => paged(slice, state.volume, steps));
+function page(steps) {
+  cine.stop();
+  setSlice((slice) => paged(slice, state.volume, steps));
+}
 
 function reset() {
   picks.forget();
@@ -175,6 +189,9 @@ onKeys({
     $("mode").selectedIndex = ($("mode").selectedIndex + 1) % $("mode").length;
     $("mode").dispatchEvent(new Event("change", { bubbles: true }));
   },
+  cine() {
+    if (slicing()) cine.toggle();
+  },
   nextPlane() {
     const planes = ["", ...Object.keys(PLANES)];
     showPlane(planes[(planes.indexOf(state.slice.plane) + 1) % planes.length]);
@@ -184,6 +201,12 @@ onKeys({
 // ---------------------------------------------------------------- settings
 
 panel.addEventListener("submit", (event) => event.preventDefault());
+$("preset-search").addEventListener("input", ({ target }) => {
+  $("no-preset").hidden = grid.find(target.value) > 0;
+});
+$("preset-search").addEventListener("keydown", ({ key }) => {
+  if (key === "Enter" && grid.first !== undefined) setPreset(grid.first);
+});
 
 panel.addEventListener("change", ({ target }) => {
   if (target.name === "view") return setView(target.value);
@@ -311,6 +334,7 @@ function showVolume(volume) {
     state.pose = { ...state.pose, shift: null };
     state.labels = { ...state.labels, cut: [] };
   }
+  cine.stop();
   follow(volume);
   $("empty").hidden = true;
   $("notice").hidden = true;

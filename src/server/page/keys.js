@@ -36,6 +36,7 @@ export function onKeys(moves) {
       case "m": return moves.nextMode();
       case "v": return moves.nextPlane();
       case "f": return moves.fullScreen();
+      case "c": return moves.cine();
       case "?": return showHelp();
       case "escape": return moves.forget();
     }
@@ -49,7 +50,7 @@ export function onKeys(moves) {
       if (at.matches("input") || at === $("divider")) return;
       event.preventDefault();
       turnOrZoom(event);
-    } else if (!at.matches("input[type=number]") || event.key === "Escape") {
+    } else if (!at.matches("input[type=number], input[type=search]") || event.key === "Escape") {
       command(event.key.toLowerCase());
     }
   });

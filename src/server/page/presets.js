@@ -29,6 +29,20 @@ export class PresetGrid {
     for (const { label } of this.#cells) this.observer.observe(label);
   }
 
+  /** Shows the presets whose name or purpose has all words of a text; says how many. */
+  find(text) {
+    const words = text.toLowerCase().split(/\s+/);
+    const fits = ({ label, name }) => words.every((word) => `${name.replaceAll("-", " ")} ${label.title}`.toLowerCase().includes(word));
+    for (const each of this.#cells) each.label.hidden = !fits(each);
+    return this.#cells.filter(({ label }) => !label.hidden).length;
+  }
+
+  /** The number of the first preset that is shown. */
+  get first() {
+    const index = this.#cells.findIndex(({ label }) => !label.hidden);
+    return index < 0 ? undefined : index;
+  }
+
   /** Marks a preset as chosen and brings it into sight. */
   choose(index) {
     const { input, label } = this.#cells[index];

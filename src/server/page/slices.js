@@ -62,6 +62,15 @@ export function paged(slice, volume, steps) {
   return placed(slice, volume, (slice.at ?? volume.center_mm)[axis] + steps * sliceStep(volume, axis));
 }
 
+/** The next slice along its axis; behind the last one the first. */
+export function advanced(slice, volume) {
+  const { axis } = PLANES[slice.plane];
+  const mm = (slice.at ?? volume.center_mm)[axis];
+  const [number, count] = sliceNumber(volume, axis, mm);
+  const step = sliceStep(volume, axis);
+  return placed(slice, volume, number === count ? volume.bounds_mm[0][axis] + step / 2 : mm + step);
+}
+
 /** The slice with its window changed by a drag, CSS pixels: upwards is brighter, to the right is wider. */
 export function windowed(slice, [dx, dy]) {
   const center = Math.round(clamp(slice.center + 2 * dy, -1024, 3071));
