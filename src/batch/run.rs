@@ -19,7 +19,9 @@ use super::record::Record;
 use super::sink::Sink;
 use super::source::{BudgetedVolume, SeriesError, SeriesSource};
 use crate::output_file::OutputFile;
-use relief_render::{GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, SceneError, SceneFile, Subject};
+use relief_render::{
+    GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, SceneError, SceneFile, Subject,
+};
 
 /// What to run and how.
 #[derive(Clone, Debug)]

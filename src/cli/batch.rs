@@ -21,8 +21,8 @@ use crate::batch_shared::bar;
 use crate::batch_shared::read;
 use relief_batch::run as run_jobs;
 use relief_batch::{
-    Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, Record, RunError, RunEvent,
-    Shard, Sink, Summary, write_report,
+    Failure, FailureKind, FilmChoice, FilmWriter, Job, JobKey, Location, Options, REPORT, Record, RunError,
+    RunEvent, Shard, Sink, Summary, write_report,
 };
 
 /// Render many views of many series, as jobs that are done once.

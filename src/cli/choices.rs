@@ -5,7 +5,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use relief_display::Layout;
 use relief_exchange::Format;
-use relief_render::{DepthRule, FramingRule, TableRule};
+use relief_render::{DepthRule, FramingRule, Quality, TableRule};
 
 /// The depth rules, each with its summary in the long help.
 pub(super) fn depth_rules() -> impl TypedValueParser<Value = DepthRule> {
@@ -17,6 +17,12 @@ pub(super) fn depth_rules() -> impl TypedValueParser<Value = DepthRule> {
 pub(super) fn framing_rules() -> impl TypedValueParser<Value = FramingRule> {
     let values = FramingRule::ALL.map(|rule| PossibleValue::new(rule.name()));
     PossibleValuesParser::new(values).map(|name| FramingRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
+}
+
+/// How closely a picture is sampled.
+pub(super) fn qualities() -> impl TypedValueParser<Value = Quality> {
+    let values = Quality::ALL.map(|quality| PossibleValue::new(quality.name()));
+    PossibleValuesParser::new(values).map(|name| Quality::from_name(&name).unwrap_or_default()) // the parser has checked the name
 }
 
 /// Whether the table is shown.

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::choices::{depth_rules, framing_rules, layouts, table_rules};
+use super::choices::{depth_rules, framing_rules, layouts, qualities, table_rules};
 use super::light::LightArguments;
 use super::slice::SliceArguments;
 use super::transfer::TransferArguments;
 use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout};
-use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, SceneFile, TableRule};
+use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, Quality, SceneFile, TableRule};
 use relief_volume::{Orbit, PRESETS};
 
 /// A scene file, and options that override it.
@@ -33,6 +33,10 @@ pub(super) struct SceneArguments {
     /// layers are not missed
     #[arg(long, value_name = "NAME", value_parser = parse_classification)]
     classification: Option<Classification>,
+    /// How closely mode composite is sampled: still, four samples a voxel, or moving, two, which is
+    /// faster and leaves faint rings on surfaces [default: still]
+    #[arg(long, value_name = "QUALITY", value_parser = qualities())]
+    quality: Option<Quality>,
     /// Value of an opaque isosurface, in HU; its colour is the preset's there
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     iso_hu: Option<f64>,
@@ -192,6 +196,9 @@ impl SceneArguments {
         }
         if let Some(classification) = self.classification {
             scene = scene.with_classification(classification);
+        }
+        if let Some(quality) = self.quality {
+            scene = scene.with_quality(quality);
         }
         for name in &self.overlay {
             scene = scene.with_overlay(name)?;

@@ -90,7 +90,11 @@ pub const TISSUE_VIEW: Orbit =
 /// Width by height of the pictures to which tissue is fitted.
 const TISSUE_ASPECT: f64 = 16.0 / 9.0;
 
-pub(crate) fn visible_points(occupancy: &Occupancy, grid: &Grid, request: &RenderRequest) -> Vec<Point<Patient>> {
+pub(crate) fn visible_points(
+    occupancy: &Occupancy,
+    grid: &Grid,
+    request: &RenderRequest,
+) -> Vec<Point<Patient>> {
     let cells = occupancy.cells(|low, high| is_visible(request, low, high));
     let is_shown = |[first, end]: [[usize; 3]; 2]| {
         let middle: [f64; 3] = std::array::from_fn(|axis| (first[axis] + end[axis]) as f64 / 2.0 - 0.5);

@@ -50,6 +50,7 @@ mod mode;
 mod overlay;
 mod pathtrace;
 mod pipelines;
+mod quality;
 mod reference;
 mod region;
 mod renderer;
@@ -75,9 +76,9 @@ pub use crate::request_error::RequestError;
 pub use crate::volume_plan::VolumePlan;
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
+pub use emptiness::{EmptyCause, PictureWarning};
 pub use error::RenderError;
 pub use frame::{BackLayer, RenderedFrame, Timings};
-pub use emptiness::{EmptyCause, PictureWarning};
 pub use framing::{FramingRule, TISSUE_VIEW, framing_of_tissue};
 pub use illumination::{Illumination, Occlusion};
 pub use labels::{Edges, Labels, Look};
@@ -90,6 +91,7 @@ pub use overlay::{
 };
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
+pub use quality::Quality;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{

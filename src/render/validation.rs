@@ -92,14 +92,18 @@ impl RenderRequest {
         if let Some(labels) = &self.labels {
             labels.validate_on(grid)?;
         }
-        let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
-        let longest_ray_mm = self.longest_ray_mm(grid);
-        let least_mm = pixels * longest_ray_mm / Self::MAX_SAMPLES;
+        let least_mm = self.least_sample_distance_mm(grid);
         if self.sample_distance_mm < least_mm {
             let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
             return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
         }
         Ok(())
+    }
+
+    /// The distance between samples below which a picture of this size has too many, mm.
+    pub(crate) fn least_sample_distance_mm(&self, grid: &Grid) -> f64 {
+        let pixels = f64::from(self.size_px[0]) * f64::from(self.size_px[1]);
+        pixels * self.longest_ray_mm(grid) / Self::MAX_SAMPLES
     }
 
     fn validate_lights(&self) -> Result<(), RequestError> {

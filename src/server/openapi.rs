@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use crate::query::parameter_names;
     use relief_display::DisplaySettings;
-    use relief_render::PathTrace;
+    use relief_render::{PathTrace, Quality};
     use relief_volume::Orbit;
 
     #[test]
@@ -179,6 +179,7 @@ mod tests {
         for (name, default) in [
             ("mode", json!(Mode::Composite.name())),
             ("classification", json!(Classification::default().name())),
+            ("quality", json!(Quality::default().name())),
             ("depth_rule", json!(DepthRule::default().name())),
             ("depth_filter", json!(display.depth_filter.name())),
             ("azimuth_deg", json!(orbit.azimuth_deg)),

@@ -103,6 +103,7 @@ const PARAMETERS: &[Parameter] = &[
     key("slab_mm", ParameterType::Number, "slice.slab_mm"),
     key("slab_blend", ParameterType::Text, "slice.blend"),
     key("letters", ParameterType::Flag, "slice.letters"),
+    key("quality", ParameterType::Text, "quality"),
     key("sample_distance_mm", ParameterType::Number, "sample_distance_mm"),
     key("depth_rule", ParameterType::Text, "depth.rule"),
     key("depth_fraction", ParameterType::Number, "depth.fraction"),

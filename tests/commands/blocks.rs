@@ -48,7 +48,8 @@ fn without_comment(command: &str) -> String {
 
 #[test]
 fn commands_of_several_lines_and_comments_are_read() {
-    let text = "a\n```sh\nrelief x   # the user's\ncurl -d '{\n}' y\nrelief \\\n  z\n\n```\nb\n```json\n{}\n```\n";
+    let text =
+        "a\n```sh\nrelief x   # the user's\ncurl -d '{\n}' y\nrelief \\\n  z\n\n```\nb\n```json\n{}\n```\n";
     let found: Vec<_> = blocks(text).into_iter().map(|block| (block.line, block.command)).collect();
     let expected = [(3, "relief x"), (4, "curl -d '{\n}' y"), (6, "relief \\\n  z")];
     assert_eq!(found, expected.map(|(line, command)| (line, command.to_owned())));

@@ -51,7 +51,8 @@ async fn a_tiny_budget_gives_the_least_and_none_the_whole() {
     // Nothing is measured yet: a careful guess.
     let used = quality(&stage.get(&format!("{path}&budget_ms=1")).await);
     assert_eq!((&used["reduced"], &used["rays_px"]), (&json!(true), &json!([250, 200])));
-    assert_eq!(used["sample_distance_mm"], 2.0);
+    // From that of a moving picture, half of 10 mm.
+    assert_eq!(used["sample_distance_mm"], 20.0);
     let whole = stage.get(&path).await;
     assert!(!whole.headers.contains_key("relief-quality"));
     assert!(whole.header("cache-control").contains("max-age"));

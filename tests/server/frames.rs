@@ -73,7 +73,7 @@ async fn an_empty_or_flat_picture_says_what_caused_it() {
     let flat = stage.get(&stage.path("frame?preset=bone&size_px=32,24&layout=rgbd&near_mm=1&far_mm=2")).await;
     let warning = flat.header("relief-warning");
     assert!(warning.starts_with("flat-depth; near_mm and far_mm, 1.0 to 2.0, leave out all"), "{warning}");
-    let camera = json!({ "eye_mm": [0, -500, 0], "look_at_mm": [0, -900, 0], "up": [0, 0, 1] });
+    let camera = json!({ "eye_mm": [0, -500, 0], "look_at_mm": [900, -500, 0], "up": [0, 0, 1] });
     let scene = json!({ "camera": camera, "transfer": "bone", "size_px": [32, 24],
                         "display": { "layout": "rgbd" } });
     let empty = stage.post(&stage.path("frame"), "application/json", scene.to_string()).await;

@@ -33,6 +33,7 @@ use super::classification::Classification;
 use super::framing::{FramingRule, framing};
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
+use super::quality::Quality;
 use super::request::{DepthRule, RenderRequest};
 use super::table_rule::TableRule;
 use crate::request_error::RequestError;
@@ -148,6 +149,7 @@ pub struct SceneFile {
     classification: Option<Classification>,
     shading: Option<ShadingFile>,
     sample_distance_mm: Option<f64>,
+    quality: Option<Quality>,
     depth: Option<DepthFile>,
     clip: Option<ClipFile>,
     table: Option<TableRule>,
@@ -275,6 +277,12 @@ impl SceneFile {
     pub fn with_passes(self, passes: u32) -> Self {
         let path_trace = self.path_trace.unwrap_or_default().with_passes(passes);
         Self { path_trace: Some(path_trace), ..self }
+    }
+
+    /// Replaces how closely the picture is sampled.
+    #[must_use]
+    pub fn with_quality(self, quality: Quality) -> Self {
+        Self { quality: Some(quality), ..self }
     }
 
     /// Replaces which values a sample stands for.
@@ -410,7 +418,6 @@ impl SceneFile {
         let mut clip = self.clip.unwrap_or_default();
         let written = LabelSettings { labels: self.labels, clip: clip.labels.take() };
         let classification = self.classification.unwrap_or_default();
-        let finest = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let mut request = RenderRequest {
             camera,
             size_px,
@@ -422,8 +429,7 @@ impl SceneFile {
             classification,
             illumination: self.shading.as_ref().map_or_else(Illumination::default, ShadingFile::illumination),
             shading: self.shading.unwrap_or_default().resolve(default_shading(preset)),
-            // Two samples a voxel: at one, sharp surfaces show rings where samples step over them.
-            sample_distance_mm: self.sample_distance_mm.unwrap_or((finest / 2.0).clamp(0.1, 10.0)),
+            sample_distance_mm: 1.0,
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
@@ -434,6 +440,7 @@ impl SceneFile {
             lights: resolve_lights(self.lights, mode)?,
             path_trace: self.path_trace.unwrap_or_default().resolve(),
         };
+        request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
         if let Some(occupancy) = occupancy.filter(|_| !has_own_view) {
             request.camera =
                 around(&framing(frame, occupancy, tissue, &request, grid)).map_err(RequestError::from)?;

@@ -18,7 +18,24 @@ fn an_empty_scene_has_sane_defaults() {
     assert_eq!(scene.request.size_px, [960, 540]);
     assert_eq!(scene.request.mode, Mode::Composite);
     assert_eq!(scene.request.depth, DepthRule::Threshold { fraction: 0.5 });
-    assert_eq!(scene.request.sample_distance_mm, 0.5);
+    assert_eq!(scene.request.sample_distance_mm, 0.25);
+}
+
+#[test]
+fn quality_decides_the_sample_distance_of_composite_pictures_alone() {
+    let distance_mm = |json: &str| {
+        let scene = SceneFile::parse(json.as_bytes()).unwrap();
+        scene.resolve(&grid(), &Orbit::default()).unwrap().request.sample_distance_mm
+    };
+    assert_eq!(distance_mm(r#"{"quality":"moving"}"#), 0.5);
+    assert_eq!(distance_mm(r#"{"quality":"still","mode":"mip"}"#), 0.5);
+    assert_eq!(distance_mm(r#"{"sample_distance_mm":2}"#), 2.0);
+    // With four samples a voxel it would have more than the renderer takes.
+    let long = Grid::axis_aligned([10; 3], [1.0, 1.0, 100.0], [0.0; 3]).unwrap();
+    let large = SceneFile::parse(br#"{"size_px":[4096,4096]}"#).unwrap();
+    assert_eq!(large.resolve(&long, &Orbit::default()).unwrap().request.sample_distance_mm, 0.5);
+    let both = refused(r#"{"quality":"still","sample_distance_mm":1}"#);
+    assert!(both.contains("quality is \"still\", allowed: left out"), "{both}");
 }
 
 #[test]
