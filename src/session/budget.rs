@@ -324,7 +324,7 @@ mod tests {
         assert!((book.expected_ms(VOLUME, &grid(), &request) - expected).abs() < 1e-6);
         let plan = |budget_ms| book.plan(VOLUME, &grid(), &request, budget_ms).request;
         for (budget_ms, passes, is_smaller) in
-            [(5000.0, 48, false), (3700.0, 32, false), (500.0, 2, false), (60.0, 1, true)]
+            [(5000.0, 48, false), (3700.0, 32, false), (500.0, 2, false), (42.0, 1, true)]
         {
             let reduced = plan(budget_ms);
             assert_eq!(
