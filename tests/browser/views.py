@@ -152,6 +152,60 @@ def nameless(page):
     return {"controls": len(used), "without": without}
 
 
+def tools(browser, server):
+    """Crops by a handle and a key, measures between two clicks, plays slices, finds a preset by words."""
+    page = Window(browser, server, "/#preset=bone&az=0&el=0&zoom=1")
+    settled(page)
+    found = {"bounds": server.volumes[0]["bounds_mm"]}
+    page.page.click("#crop-group summary")
+    handle = page.page.get_by_role("button", name="Crop, head").bounding_box()
+    middle = [handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2]
+    page.page.mouse.move(*middle)
+    page.page.mouse.down()
+    page.page.mouse.move(middle[0], middle[1] + 60, steps=5)
+    page.page.mouse.up()
+    settled(page)
+    found["dragged"] = kept(page).get("crop")
+    handle = page.page.get_by_role("button", name="Crop, head").bounding_box()
+    found["moved"] = handle["y"] + handle["height"] / 2 - middle[1]
+    page.page.get_by_role("button", name="Crop, left").press("ArrowLeft")
+    settled(page)
+    found["pressed"] = kept(page).get("crop")
+    page.page.check("#table")
+    found["table"] = kept(page).get("table")
+    page.shot("crop")
+    page.page.click("#crop-reset")
+    settled(page)
+    found["whole"] = kept(page).get("crop")
+    stage = page.page.locator("#stage").bounding_box()
+    places = []
+    for share, keys in [(0.45, []), (0.55, ["Shift"])]:
+        page.page.locator("#stage").click(position={"x": stage["width"] / 2, "y": stage["height"] * share}, modifiers=keys)
+        page.wait("document.getElementById('picked').innerText.includes('LPS')" + (" && document.getElementById('picked').innerText.includes('Distance')" if keys else ""))
+        places.append(page.page.inner_text("#picked"))
+    found["places"] = places
+    page.page.fill("#preset-search", "contrast VESSELS")
+    page.page.press("#preset-search", "Enter")
+    settled(page)
+    found["preset"] = kept(page).get("preset")
+    page.page.fill("#preset-search", "no such words")
+    found["none"] = page.page.is_visible("#no-preset")
+    page.page.fill("#preset-search", "")
+    page.page.check('input[name="plane"][value="axial"]', force=True)
+    settled(page)
+    number = "Number(document.getElementById('pose').innerText.match(/(\\d+)\\//)[1])"
+    before = page.page.evaluate(number)
+    page.page.locator("#stage").focus()
+    page.key("c")
+    page.wait(f"{number} >= {before} + 3", 60)
+    found["playing"] = page.page.get_attribute("#cine", "aria-pressed")
+    page.key("c")
+    found["stopped"] = page.page.get_attribute("#cine", "aria-pressed")
+    found["problems"] = page.problems
+    page.context.close()
+    return found
+
+
 def looks(browser, server):
     """All pages on a desk and on a phone: nothing reaches out of the window, and every control has a name."""
     found = {}
@@ -187,7 +241,7 @@ def main():
         with sync_playwright() as playwright:
             browser = launched(playwright, CHROMIUM)
             found = {}
-            for name, step in [("address", address), ("hands", hands), ("looks", looks)]:
+            for name, step in [("address", address), ("hands", hands), ("tools", tools), ("looks", looks)]:
                 if wanted(name):
                     found[name] = step(browser, server)
             if wanted("empty"):

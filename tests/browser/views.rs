@@ -62,6 +62,32 @@ fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
     );
 }
 
+#[test]
+fn the_volume_is_cropped_measured_and_played() {
+    let Some(seen) = seen("crop, distances, cine and search of the page") else { return };
+    let tools = &seen["tools"];
+    assert_eq!(tools["problems"], json!([]), "{tools}");
+    let (low, high) = (numbers(&tools["bounds"][0]), numbers(&tools["bounds"][1]));
+    let (dragged, pressed) = (triple(&tools["dragged"]), triple(&tools["pressed"]));
+    // The side follows the pointer, and the other five stay.
+    assert!(dragged[5] < high[2] - 5.0 && (number(&tools["moved"]) - 60.0).abs() < 1.5, "{tools}");
+    assert!(dragged[..3].iter().zip(&low).all(|(mm, end)| (mm - end).abs() < 0.06), "{tools}");
+    assert!((pressed[3] - (dragged[3] - 2.0)).abs() < 0.11, "an arrow key is 2 mm: {tools}");
+    assert_eq!((&tools["table"], &tools["whole"]), (&json!("keep"), &Value::Null));
+    let places: Vec<Vec<f64>> = tools["places"].as_array().unwrap().iter().map(lps).collect();
+    let words = tools["places"][1].as_str().unwrap();
+    let mm = words.split("Distance").nth(1).unwrap().trim().split(' ').next().unwrap();
+    assert!((mm.parse::<f64>().unwrap() - distance(&places[0], &places[1])).abs() < 0.06, "{words}");
+    assert!(tools["preset"].as_str().unwrap().contains("vessels") && tools["none"] == true, "{tools}");
+    assert_eq!((&tools["playing"], &tools["stopped"]), (&json!("true"), &json!("false")));
+}
+
+/// The position in the words of a pick.
+fn lps(words: &Value) -> Vec<f64> {
+    let line = words.as_str().unwrap().split("LPS").nth(1).unwrap().lines().next().unwrap();
+    line.split(',').map(|mm| mm.trim().parse().unwrap()).collect()
+}
+
 /// Invariant: Every control of the pages has a name and stays inside the window, on desktop and
 /// phone screens, and axe-core finds no violation.
 #[test]

@@ -1,6 +1,7 @@
 // The state in the address: a reload or a link shows the same view. Whatever is not usable there is
 // as it usually is.
 
+import { keptCrop, recalledCrop } from "./crop.js";
 import { kept as keptLabels, recalled as recalledLabels } from "./labels.js";
 import { keptLight, recalledLight } from "./light.js";
 import { normalized } from "./orbit.js";
@@ -41,7 +42,7 @@ function write() {
   for (const [key, usual] of Object.entries(USUAL)) if (state[key] !== usual) kept[key] = state[key];
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
   if (shift) pose.shift = shift.map((mm) => mm.toFixed(1)).join(",");
-  const parts = { ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light), ...keptLabels(state.labels) };
+  const parts = { ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light), ...keptLabels(state.labels), ...keptCrop(state) };
   history.replaceState(null, "", `#${new URLSearchParams(parts)}`);
 }
 
@@ -65,6 +66,7 @@ export function recall(presets) {
   state.slice = recalledSlice(kept);
   state.labels = recalledLabels(kept);
   state.light = recalledLight(kept);
+  Object.assign(state, recalledCrop(kept));
   state.fieldOfView = number("fov", 22) === 0 ? 0 : 22;
   state.own = { preset: kept.has("preset"), window: kept.has("window") };
   state.preset = word("preset", presets.map((preset) => preset.name)) ?? presets[0].name;

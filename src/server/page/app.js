@@ -2,6 +2,7 @@
 
 import { recall, remember } from "./address.js";
 import { Cine } from "./cine.js";
+import { Crop } from "./crop.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
@@ -33,8 +34,18 @@ const cine = new Cine({
   next: () => setSlice((slice) => advanced(slice, state.volume)),
 });
 
+const crop = new Crop({
+  panel: $("crop-sides"), layer: $("crop-layer"), group: $("crop-group"), state, shown: () => stage.shown, changed: setCrop,
+});
+
+function setCrop(change, moving = false) {
+  Object.assign(state, change);
+  refresh({ moving });
+}
+
 function drawn() {
   picks.draw();
+  crop.draw();
   cine.shown();
 }
 
@@ -124,7 +135,7 @@ onGestures($("stage"), $("divider"), {
     if (slicing() && wheel && !wheel.ctrlKey) return page(Math.sign(ratio - 1));
     zoom(ratio, at);
   },
-  click: (at) => picks.at(at),
+  click: (at, { shiftKey }) => picks.at(at, shiftKey),
   double: reset,
 });
 
@@ -264,12 +275,16 @@ function showState() {
   const chosen = presets.findIndex(({ name }) => name === state.preset);
   grid.choose(chosen);
   $("purpose").textContent = presets[chosen].purpose;
+  $("table").checked = state.table === "keep";
+  $("crop-group").open = state.crop !== null || state.table === "keep";
   describeSurface(state);
   describeLight(state);
   describeHeader();
   describe();
 }
 
+$("table").addEventListener("change", ({ target }) => setCrop({ table: target.checked ? "keep" : "remove" }));
+$("crop-reset").addEventListener("click", () => setCrop({ crop: null }));
 $("reset").addEventListener("click", reset);
 $("full-screen").addEventListener("click", fullScreen);
 $("help-button").addEventListener("click", showHelp);
@@ -333,6 +348,7 @@ function showVolume(volume) {
     state.slice = { ...state.slice, at: null };
     state.pose = { ...state.pose, shift: null };
     state.labels = { ...state.labels, cut: [] };
+    state.crop = null;
   }
   cine.stop();
   follow(volume);

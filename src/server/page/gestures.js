@@ -19,7 +19,7 @@ export function pinch(before, after) {
 
 /**
  * Calls back with what is done on the stage: `turn(dx, dy)` and `pan(dx, dy)` in CSS pixels, `zoom(ratio, { wheel, at })` with the
- * event of a wheel or the place between two fingers, `click([x, y])` and `double()`. One finger turns, two zoom and move; with Shift
+ * event of a wheel or the place between two fingers, `click([x, y], event)` and `double()`. One finger turns, two zoom and move; with Shift
  * or the right button a mouse moves, too: `pan` has its event then.
  */
 export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
@@ -58,7 +58,7 @@ export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
     if (!pointers.delete(event.pointerId) || pointers.size) return;
     stage.classList.remove("turning");
     const clicked = event.type === "pointerup" && event.button === 0 && !pinched && travelled < CLICK_PIXELS;
-    if (clicked) click(fractions(stage, event));
+    if (clicked) click(fractions(stage, event), event);
   };
   stage.addEventListener("pointerup", release);
   stage.addEventListener("pointercancel", release);

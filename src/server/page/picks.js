@@ -1,9 +1,10 @@
 // Clicks ask for the patient position under them in the very picture that is shown; a marker stays
-// on its place in the patient.
+// on its place in the patient. A second place, clicked with Shift, is measured from the first.
 
 import { notify, showFailure } from "./notice.js";
 import { Projection } from "./projection.js";
 import { $, state, volumePath } from "./state.js";
+import { distance } from "./vectors.js";
 import { request } from "./view.js";
 
 const lps = ([x, y, z]) =>
@@ -18,8 +19,12 @@ const wordsOf = (found) => [
   ...(found.segment ? [["Segment", found.segment.name ?? `label ${found.segment.label}`]] : []),
 ];
 
+const distanceWords = (from, to) => [["Distance", `${distance(from, to).toFixed(1)} mm, along a straight line`]];
+
 export class Picks {
   #pick = null;
+  /** The place that the pick is measured from. */
+  #from = null;
   /** Counts what was asked: an answer that comes behind that of a later click is of no use. */
   #asked = 0;
 
@@ -28,8 +33,8 @@ export class Picks {
     this.shown = shown;
   }
 
-  /** Asks what is shown at a point of the stage, in fractions of its width and height. */
-  async at([x, y]) {
+  /** Asks what is shown at a point of the stage, in fractions of its width and height; `measures` from the pick before. */
+  async at([x, y], measures = false) {
     const picture = this.shown();
     if (!picture?.query) return;
     const { query, size } = picture;
@@ -42,8 +47,11 @@ export class Picks {
     try {
       const found = await (await request(`${volumePath("pick")}?${at}`)).json();
       if (number !== this.#asked) return;
+      const from = measures ? this.#from ?? this.#pick?.patient ?? null : null;
+      this.#from = found.hit ? from : null;
       this.#pick = found.hit ? { patient: found.patient_mm } : null;
-      $("picked").replaceChildren(...(found.hit ? wordsOf(found).map(line) : []));
+      const words = found.hit ? [...wordsOf(found), ...(this.#from ? distanceWords(this.#from, found.patient_mm) : [])] : [];
+      $("picked").replaceChildren(...words.map(line));
       if (!found.hit) notify("Nothing is shown there. Click on the volume itself, or choose a preset that shows more.");
     } catch (error) {
       if (number === this.#asked) showFailure(error);
@@ -59,7 +67,11 @@ export class Picks {
     const overlays = state.view !== "frame";
     $("picked").hidden = !pick || !overlays;
     const isSeen = pick && overlays && picture?.camera && picture.kind !== "frame";
-    const at = isSeen ? new Projection(picture.camera).project(pick.patient)?.at : null;
+    const projection = isSeen ? new Projection(picture.camera) : null;
+    const at = projection?.project(pick.patient)?.at;
+    const start = this.#from && projection?.project(this.#from)?.at;
+    $("ruler").toggleAttribute("hidden", !start || !at);
+    if (start && at) $("ruler").firstElementChild.setAttribute("d", `M${start.map((x) => x * 100)}L${at.map((x) => x * 100)}`);
     const inside = at && at.every((value) => value >= 0 && value <= 1);
     $("marker").hidden = !inside;
     if (inside) Object.assign($("marker").style, { left: `${at[0] * 100}%`, top: `${at[1] * 100}%` });
@@ -67,7 +79,7 @@ export class Picks {
 
   forget() {
     this.#asked += 1;
-    this.#pick = null;
+    this.#pick = this.#from = null;
     this.draw();
   }
 }

@@ -22,6 +22,10 @@ export const state = {
   light: { ...NO_LIGHT },
   overlays: [],
   labels: { ...ALL_SHOWN },
+  /** The part that is shown: its lowest and highest corner in patient coordinates, mm; null is all. */
+  crop: null,
+  /** Whether the table is shown: "keep" or "remove". */
+  table: "remove",
   fieldOfView: 22,
   view: "picture",
   layout: "wowvx",

@@ -5,6 +5,7 @@
 // picture.
 
 import { signIn } from "./identity.js";
+import { cropQuery } from "./crop.js";
 import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";
 import { fitOf, orbitQuery } from "./orbit.js";
@@ -50,6 +51,7 @@ function lookQuery(state, aspect, fit, moving = false) {
     mode: state.mode,
     ...surface,
     ...lightQuery(state, moving),
+    ...cropQuery(state),
     depth_rule: state.depthRule,
     ...orbitQuery(state.pose, state.volume, state.fieldOfView, state.pose.zoom * fit),
   };
