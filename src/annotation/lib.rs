@@ -27,6 +27,7 @@ mod mesh;
 mod patient_mm;
 mod placement;
 mod placing;
+mod ready;
 mod segmentation;
 mod shown;
 mod template;

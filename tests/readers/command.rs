@@ -95,6 +95,7 @@ fn a_template_is_kept_applied_and_followed() {
     assert!(refused.contains("items[1].kind") && refused.contains("bad.json is no template"), "{refused}");
     let listed = json(folder, &["template", "list", "--json"]);
     assert_eq!(listed["templates"].as_array().unwrap().len(), 1, "a bad template changes nothing: {listed}");
+    assert_eq!(json(folder, &["template", "show", "cephalometry"])["items"][0]["name"], "Nasion");
     let shown = json(folder, &["template", "show", "skull"]);
     assert_eq!(shown["items"][1]["kind"], "line");
     assert!(fails(folder, &["template", "show", "knee"]).contains("knee"));

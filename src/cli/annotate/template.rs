@@ -10,7 +10,7 @@ use super::super::output::{print_json, say};
 use super::{AuthorArguments, Log, LogArguments, import, series, table};
 use relief_annotation::{Change, Completeness, Edit, FrameOfReference, Item, Set, Template};
 use relief_exchange::{Format, ReadContext};
-use relief_store::Filter;
+use relief_store::{Filter, StoreError};
 
 /// Keep lists of expected items, apply them to sets, and see how far sets are
 #[derive(Debug, clap::Args)]
@@ -21,11 +21,13 @@ A template is JSON: a name, and items in the order in which they are placed.
     {\"name\": \"orbital distance\", \"kind\": \"line\"}]}
 An item may have a description, a concept (code, scheme, meaning), an rgb and a kind: point, line, angle, curve, plane, region or
 mesh. A file of 3D Slicer's markups is a template as well: points without a place are what its templates are made of.
+aortic-root, cephalometry, pelvis and spine come with the program; `add` puts another one of such a name in its place.
 
 Examples:
   relief annotate --db ann.db template add skull.json
   relief annotate --db ann.db template add skull.mrk.json --name skull
   relief annotate --db ann.db template apply skull --set anna --series head
+  relief annotate --db ann.db template show cephalometry
   relief annotate --db ann.db template status skull --set anna,ben")]
 pub(super) struct TemplateArguments {
     #[command(subcommand)]
@@ -54,7 +56,7 @@ struct AddArguments {
     who: AuthorArguments,
 }
 
-/// List the templates
+/// List the templates of the log, and those that come with the program
 #[derive(Debug, clap::Args)]
 struct ListArguments {
     /// Print one JSON object
@@ -116,8 +118,12 @@ pub(super) fn run(arguments: &TemplateArguments, log: &LogArguments) -> anyhow::
     Ok(ExitCode::SUCCESS)
 }
 
+/// The log's template of this name, or one that comes with the program.
 fn template(log: &Log, name: &str) -> anyhow::Result<Template> {
-    let text = log.wait(log.store().template(name))?;
+    let text = match (log.wait(log.store().template(name)), Template::ready_json(name)) {
+        (Err(StoreError::NoTemplate { .. }), Some(ready)) => ready.to_owned(),
+        (text, _) => text?,
+    };
     Template::read(text.as_bytes()).with_context(|| format!("the template {name} cannot be read"))
 }
 
@@ -170,15 +176,13 @@ fn read_whole(path: &Path) -> anyhow::Result<Vec<u8>> {
 
 fn list(arguments: &ListArguments, log: &LogArguments) -> anyhow::Result<()> {
     let log = log.open_existing()?;
-    let names = log.wait(log.store().templates())?;
-    let templates: Vec<Template> =
-        names.iter().map(|name| template(&log, name)).collect::<anyhow::Result<_>>()?;
+    let kept = log.wait(log.store().templates())?;
+    let ready: Vec<_> =
+        Template::ready_names().filter(|name| kept.iter().all(|known| known != name)).collect();
+    let names = kept.iter().map(String::as_str).chain(ready.iter().copied());
+    let templates: Vec<Template> = names.map(|name| template(&log, name)).collect::<anyhow::Result<_>>()?;
     if arguments.json {
-        return print_json(&json!({ "templates": templates }));
-    }
-    if templates.is_empty() {
-        say!("no templates");
-        return Ok(());
+        return print_json(&json!({ "templates": &templates[..kept.len()], "ready": ready }));
     }
     let line = |of: &Template| [of.name.clone(), of.items.len().to_string(), of.description.clone()];
     table::print(["template", "items", ""], &templates.iter().map(line).collect::<Vec<_>>());

@@ -15,6 +15,7 @@ use crate::annotation_service::invalid;
 use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
+use relief_store::StoreError;
 
 /// Largest template.
 const MOST_BYTES: usize = 1 << 20;
@@ -27,22 +28,33 @@ struct ApplyQuery {
 }
 
 impl Annotations {
-    /// The template of this name.
+    /// The template of this name: the log's, or one that comes with the program.
     pub(crate) async fn template(&self, name: &str) -> Result<Template, Problem> {
-        let text = self.store.template(name).await?;
+        let text = self.template_text(name).await?;
         Template::read(text.as_bytes()).map_err(|error| refused(&error))
+    }
+
+    async fn template_text(&self, name: &str) -> Result<String, Problem> {
+        match (self.store.template(name).await, Template::ready_json(name)) {
+            (Err(StoreError::NoTemplate { .. }), Some(ready)) => Ok(ready.to_owned()),
+            (text, _) => Ok(text?),
+        }
     }
 }
 
+/// The templates of the log, and those that come with the program.
 pub(super) async fn names(asked: EditRequest) -> Result<Json<Value>, Problem> {
-    Ok(Json(json!({ "templates": asked.annotations.store.templates().await? })))
+    let names = asked.annotations.store.templates().await?;
+    let ready: Vec<_> =
+        Template::ready_names().filter(|ready| !names.iter().any(|name| name == ready)).collect();
+    Ok(Json(json!({ "templates": names, "ready": ready })))
 }
 
 pub(super) async fn show(
     asked: EditRequest,
     Path((_, name)): Path<(String, String)>,
 ) -> Result<Response, Problem> {
-    let text = asked.annotations.store.template(&name).await?;
+    let text = asked.annotations.template_text(&name).await?;
     let template = asked.annotations.template(&name).await?;
     Ok(([(header::ETAG, text_tag(&text))], Json(json!(template))).into_response())
 }

@@ -141,7 +141,8 @@ export class Annotations {
 
   async templates() {
     const answer = await ask(`${this.path}/templates`, { headers: this.#headers() });
-    return (await answer.json()).templates;
+    const { templates, ready } = await answer.json();
+    return [...templates, ...ready];
   }
 
   async template(name) {
