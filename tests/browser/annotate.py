@@ -230,13 +230,17 @@ def conflict(browser, page, server):
 def files(page, server):
     """Out as mrk.json, deleted, and in again."""
     page.key("v")
-    page.page.click("#export-button")
-    page.page.check('#dialog input[value="mrk.json"]')
-    with page.page.expect_download() as download:
-        page.page.keyboard.press("Enter")  # confirms, wherever the button stands
     path = FOLDER / "out.mrk.json"
-    download.value.save_as(path)
-    found = {"name": download.value.suggested_filename, "file": json.loads(path.read_text(encoding="utf-8"))}
+
+    def export():
+        page.page.click("#export-button")
+        page.page.check('#dialog input[value="mrk.json"]')
+        with page.page.expect_download() as download:
+            page.page.keyboard.press("Enter")  # confirms, wherever the button stands
+        download.value.save_as(path)
+        return download.value.suggested_filename
+
+    found = {"name": export(), "file": json.loads(path.read_text(encoding="utf-8"))}
     before = {entry["item"]["name"]: entry["item"]["geometry"] for entry in server.annotations()["items"]}
     for name in ["Point 1", "Point 2"]:
         page.page.click(f'.item[data-name="{name}"] .item-main')
@@ -247,6 +251,7 @@ def files(page, server):
     page.wait_row("Point 1")
     after = [(entry["item"]["name"], entry["item"]["geometry"]) for entry in server.annotations()["items"]]
     found["points"] = [[before[name], geometry] for name, geometry in after if name in ("Point 1", "Point 2")]
+    found["updated"] = changed_file(page, server, path, export)
     bad = FOLDER / "bad.mrk.json"
     bad.write_text('{"markups": 3}', encoding="utf-8")
     count = len(after)
@@ -254,6 +259,26 @@ def files(page, server):
     page.wait("document.getElementById('notice').classList.contains('error')")
     found["bad"] = {"said": page.page.inner_text("#notice"), "items": [count, len(server.annotations()["items"])]}
     return found
+
+
+def changed_file(page, server, path, export):
+    """A file whose point was moved: skipped, then updated, as the dialog is answered."""
+    export()
+    file = json.loads(path.read_text(encoding="utf-8"))
+    for markups in file["markups"]:
+        for point in markups["controlPoints"]:
+            if point["label"] == "Point 1":
+                point["position"][2] += 3
+    path.write_text(json.dumps(file), encoding="utf-8")
+    place = lambda: next(e["item"]["geometry"]["at_mm"] for e in server.annotations()["items"] if e["item"]["name"] == "Point 1")
+    places, count = [place()], len(server.annotations()["items"])
+    for button in ["skip", "update"]:
+        page.page.set_input_files("#import", path)
+        page.page.locator(f'#dialog button[value="{button}"]').click()
+        page.wait("!document.getElementById('dialog').open")
+        page.page.wait_for_timeout(600)
+        places.append(place())
+    return {"places": places, "items": [count, len(server.annotations()["items"])]}
 
 
 def growing(page, server):

@@ -159,6 +159,11 @@ fn markups_go_out_and_come_back_and_bad_ones_change_nothing() {
         let off = distance(&pair[0]["at_mm"], &pair[1]["at_mm"]);
         assert!(off < 1e-3, "{off} mm after a round trip");
     }
+    let updated = &files["updated"];
+    let places: Vec<_> = updated["places"].as_array().unwrap().iter().map(numbers).collect();
+    assert_eq!(places[1], places[0], "skipped: {updated}");
+    assert!((places[2][2] - places[0][2] - 3.0).abs() < 1e-3, "updated: {updated}");
+    assert_eq!(updated["items"][0], updated["items"][1]);
     let bad = &files["bad"];
     assert_eq!(bad["items"][0], bad["items"][1]);
     assert!(bad["said"].as_str().unwrap().contains("bad.mrk.json"), "{bad}");

@@ -420,6 +420,8 @@ async fn files_of_other_tools_come_and_go() {
     let moved = file.text().replace("3.25", "3.5");
     let skipped = import("name=back.fcsv", moved.clone().into()).await;
     assert_eq!(skipped.json()["there"], json!({ "unchanged": 0, "skipped": 1 }), "{}", skipped.text());
+    let dry = import("name=back.fcsv&update=true&dry_run=true", moved.clone().into()).await;
+    assert_eq!((dry.status.as_u16(), &dry.json()["events"]), (200, &json!([])), "{}", dry.text());
     let updated = import("name=back.fcsv&update=true", moved.into()).await;
     assert_eq!(updated.json()["events"][0]["item"]["geometry"]["at_mm"], json!([1.5, -2.0, 3.5]));
     assert_eq!(updated.json()["events"][0]["version"], 2);

@@ -66,6 +66,8 @@ struct ImportQuery {
     /// Treatment of items that exist already; without either option they stay unchanged.
     update: bool,
     duplicate: bool,
+    /// Whether to answer what would be done, and change nothing.
+    dry_run: bool,
 }
 
 pub(super) async fn import(
@@ -75,7 +77,7 @@ pub(super) async fn import(
     body: Body,
 ) -> Result<Response, Problem> {
     asked.config().uploads.ok_or_else(uploads_off)?;
-    let ImportQuery { format, name, set, list, reason, author, update, duplicate } = query(&uri)?;
+    let ImportQuery { format, name, set, list, reason, author, update, duplicate, dry_run } = query(&uri)?;
     let present = match (update, duplicate) {
         (false, false) => ExistingItems::Keep,
         (true, false) => ExistingItems::Update,
@@ -124,7 +126,7 @@ pub(super) async fn import(
     let merged = merged(&asked, &author, items, present).await?;
     warnings.extend(merged.note("update=true", "duplicate=true"));
     let counts = json!({ "unchanged": merged.unchanged, "skipped": merged.skipped });
-    if merged.changes.is_empty() {
+    if merged.changes.is_empty() || dry_run {
         let answer = json!({ "events": [], "warnings": warnings, "there": counts });
         return Ok(Json(answer).into_response());
     }

@@ -117,10 +117,11 @@ export class Annotations {
     return new Uint8Array(await answer.arrayBuffer());
   }
 
-  import(file, format, set) {
+  /** `how` has update, duplicate or dry_run: what becomes of items that are there and differ; without it they stay. */
+  import(file, format, set, how = {}) {
     // Items of one file stay together: their list has the file's name without its ending.
     const list = file.name.replace(/\.(mrk\.json|seg\.nrrd|nii\.gz|[^.]+)$/i, "").slice(0, 120);
-    const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }) });
+    const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }), ...how });
     return this.#send("POST", `/import?${query}`, file, { type: "application/octet-stream" });
   }
 

@@ -145,6 +145,16 @@ export async function askConflict(current, mine) {
   return found?.button ?? null;
 }
 
+/** What becomes of items of a file that are there and differ: a query of the import; null to import nothing. */
+export async function askImport(file, count) {
+  const differ = count === 1 ? "One item of this file is here already and differs." : `${count} items of this file are here already and differ.`;
+  const found = await ask(`Import ${file}`, [
+    paragraph(`${differ} Update them from the file, bring in copies of the file's items, or skip those that differ. An update can be undone.`),
+  ], [["", "Cancel"], ["skip", "Skip"], ["duplicate", "Bring in copies"], ["update", "Update", true]]);
+  if (!found) return null;
+  return found.button === "skip" ? {} : { [found.button]: true };
+}
+
 /** Which template to go through: `{ name }` of a known one, or `{ list: "set\nlist" }` that is under way; `{ file }` to bring one. */
 export async function askTemplate(names, running) {
   const choices = [

@@ -1,5 +1,6 @@
 // Files: imports dropped and chosen files, and saves exported ones.
 
+import { askImport } from "./dialogs.js";
 import { FORMATS } from "./formats.js";
 
 /** Endings beside the formats' own names. */
@@ -43,13 +44,21 @@ export class Files {
     this.input.click();
   }
 
+  /** What becomes of items of a file that are there and differ: a query of the import, or null where nothing is imported. */
+  async #treatment(file) {
+    const { there } = await this.annotations().import(file, formatOf(file.name), this.model.set, { dry_run: true });
+    return there.skipped ? askImport(file.name, there.skipped) : {};
+  }
+
   /** Imports one after the other; each is taken whole or not at all. */
   async take(files) {
     if (!files.length || !this.isOn() || !(await this.named())) return;
     const told = [];
     for (const file of files) {
       try {
-        const { events, warnings = [] } = await this.annotations().import(file, formatOf(file.name), this.model.set);
+        const how = await this.#treatment(file);
+        if (!how) continue;
+        const { events, warnings = [] } = await this.annotations().import(file, formatOf(file.name), this.model.set, how);
         await this.took(events);
         told.push(`${file.name}: ${events.length} item${events.length === 1 ? "" : "s"}`, ...warnings);
         const first = events.find(({ item }) => item?.geometry);
