@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 68] = [
+const FILES: [(&str, &str, &str); 69] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -59,6 +59,7 @@ const FILES: [(&str, &str, &str); 68] = [
     ("/presets.js", SCRIPT, include_str!("page/presets.js")),
     ("/labels.js", SCRIPT, include_str!("page/labels.js")),
     ("/cine.js", SCRIPT, include_str!("page/cine.js")),
+    ("/crop.css", STYLE, include_str!("page/crop.css")),
     ("/crop.js", SCRIPT, include_str!("page/crop.js")),
     ("/slices.js", SCRIPT, include_str!("page/slices.js")),
     ("/light.js", SCRIPT, include_str!("page/light.js")),

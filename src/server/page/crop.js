@@ -101,12 +101,12 @@ export class Crop {
   }
 
   #row(panel, axis, corner, name) {
-    const line = Object.assign(document.createElement("div"), { className: "field slider" });
+    const line = Object.assign(document.createElement("div"), { className: "crop-side" });
     const label = Object.assign(document.createElement("label"), { htmlFor: `crop-${name}`, textContent: `${name[0].toUpperCase()}${name.slice(1)}` });
     const output = document.createElement("output");
     const range = Object.assign(document.createElement("input"), { id: `crop-${name}`, type: "range", step: 0.5 });
     range.addEventListener("input", () => this.#set(axis, corner, range.valueAsNumber, true));
-    line.append(label, output, range);
+    line.append(label, range, output);
     panel.append(line);
     return { range, output };
   }

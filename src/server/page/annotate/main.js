@@ -260,6 +260,7 @@ $("set").addEventListener("change", async ({ target }) => {
 async function show(volume) {
   live?.end();
   model.volume = volume;
+  model.crop = null;
   model.items = new Map();
   model.seq = 0;
   annotations = new Annotations(volume, model.author);

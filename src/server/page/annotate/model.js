@@ -59,6 +59,11 @@ export class Model {
   hasOwnPreset = false;
   /** The 3D view, angles in degrees. */
   pose = { ...HOME };
+  /** The part of the volume that the 3D view shows, and whether it shows the table; see `crop.js`. */
+  crop = null;
+  table = "remove";
+  /** The 3D view is never a slice. */
+  slice = { plane: "" };
   /** The oblique slice is turned as the 3D view is, while it follows. */
   oblique = { follows: true, normal: [0.34, -0.92, 0.17], up: [0, 0, 1] };
   author = kept(AUTHOR);

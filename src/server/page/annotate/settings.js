@@ -1,5 +1,6 @@
 // The choice of volume, author, set and cursor, and the settings of the views.
 
+import { Crop } from "/crop.js";
 import { request } from "/view.js";
 import { places } from "./geometry.js";
 
@@ -51,6 +52,21 @@ export const pageFacts = {
   },
 };
 
+/** Crop and table of the 3D view. */
+function onCrop(model, pane) {
+  const layer = document.createElement("div");
+  Object.assign(layer, { className: "crop-layer", hidden: true });
+  layer.innerHTML = '<svg viewBox="0 0 100 100" preserveAspectRatio="none" aria-hidden="true"><path /></svg>';
+  pane.root.append(layer);
+  const changed = (change, moving = false) => {
+    Object.assign(model, change);
+    pane.refresh(moving);
+  };
+  pane.crop = new Crop({ panel: $("crop-sides"), layer, group: $("crop-group"), state: model, shown: () => pane.shown, changed });
+  $("table").addEventListener("change", ({ target }) => changed({ table: target.checked ? "keep" : "remove" }));
+  $("crop-reset").addEventListener("click", () => changed({ crop: null }));
+}
+
 /** Fills and wires the settings of the views. */
 export async function onSettings(model, panes) {
   const { presets } = await (await request("/v1/presets")).json();
@@ -71,6 +87,7 @@ export async function onSettings(model, panes) {
     known.at(-1).textContent = `by hand: ${model.window.center} ± ${model.window.width / 2} HU`;
     $("window").value = known.some((option) => option.value === value) ? value : "";
   });
+  onCrop(model, panes[0]);
   $("follows").addEventListener("change", ({ target }) => {
     model.oblique = { ...model.oblique, follows: target.checked };
     model.changed("pose", "cursor");

@@ -1,5 +1,6 @@
 // The 3D view: an orbit around the volume, picks in the displayed picture, and hidden items.
 
+import { cropQuery } from "/crop.js";
 import { fitOf, normalized, orbitQuery, shifted, zoomedAt } from "/orbit.js";
 import { request } from "/view.js";
 import { HOME } from "./model.js";
@@ -22,7 +23,7 @@ export class VolumePane extends Pane {
     const { model, pixels: size } = this;
     const layout = moving ? "color" : "rgbd";
     const orbit = orbitQuery(model.pose, model.volume, FIELD_OF_VIEW, model.pose.zoom * fitOf(size, model.volume));
-    const look = { preset: model.preset, ...orbit, size_px: size.join(",") };
+    const look = { preset: model.preset, ...cropQuery(model), ...orbit, size_px: size.join(",") };
     const query = new URLSearchParams({ ...look, layout, profile: "philips-42", ...(moving ? { budget_ms: MOVING_MS } : {}) });
     const accept = moving ? "image/jpeg" : "image/png";
     return { url: `/v1/volumes/${model.volume.id}/frame?${query}`, accept, look, size, layout };
@@ -53,6 +54,7 @@ export class VolumePane extends Pane {
     const { azimuth, elevation } = model.pose;
     this.at.textContent = `${azimuth.toFixed(0)}° ${elevation.toFixed(0)}°`;
     this.hand.structures?.drawVolume(this);
+    this.crop?.draw();
   }
 
   /** What is seen at a place of the picture; null where nothing is. */
