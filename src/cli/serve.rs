@@ -29,7 +29,7 @@ use relief_base::sha256_of_file;
 use relief_server::{
     Admission, AllowedHosts, Config, ConnectionLimits, LiveConfig, Server, Shutdown, Tls, UploadLimits,
 };
-use relief_session::{QueueConfig, RenderService};
+use relief_session::{NameSource, QueueConfig, RenderService};
 use relief_store::Store;
 
 /// How long live sessions may take to say farewell.
@@ -97,6 +97,10 @@ pub(super) struct ServeArguments {
     /// read again when they are
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     memory: u64,
+    /// Call volumes by the descriptions of their series, on the pages, over HTTP and on stderr. A
+    /// description is free text and may name the patient
+    #[arg(long)]
+    show_patient_data: bool,
     /// Regions and meshes that the log of annotations may have together; imports of more are refused
     #[arg(long, value_name = "BYTES", default_value = "64GiB", value_parser = parse_bytes)]
     contents: u64,
@@ -285,6 +289,10 @@ fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> an
         allowed_hosts: Some(hosts),
         uploads: uploads.then(UploadLimits::default),
         memory_bytes: arguments.memory,
+        volume_names: match arguments.show_patient_data {
+            true => NameSource::Description,
+            false => NameSource::Anatomy,
+        },
         content_bytes: arguments.contents,
         live,
         ..Config::default()

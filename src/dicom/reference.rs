@@ -50,7 +50,17 @@ pub struct SeriesReference {
     series_uid: String,
     frame_of_reference_uid: Option<String>,
     position_reference: String,
+    description: String,
     instances: Vec<Instance>,
+}
+
+/// Longest description of a series: that of its value representation, LO.
+const LONGEST_DESCRIPTION: usize = 64;
+
+/// A text of a file as it may be shown in one line.
+fn shown(text: &str) -> String {
+    let clean = text.chars().filter(|letter| !letter.is_control());
+    clean.take(LONGEST_DESCRIPTION).collect::<String>().trim().to_owned()
 }
 
 /// An image object of the series.
@@ -101,7 +111,8 @@ impl std::fmt::Debug for SeriesReference {
 
 fn keep(tag: Tag) -> Retention {
     let is_wanted = REPEATED.iter().any(|(repeated, _)| *repeated == tag)
-        || [tags::SPECIFIC_CHARACTER_SET, tags::POSITION_REFERENCE_INDICATOR].contains(&tag);
+        || [tags::SPECIFIC_CHARACTER_SET, tags::POSITION_REFERENCE_INDICATOR, tags::SERIES_DESCRIPTION]
+            .contains(&tag);
     if is_wanted { Retention::Value } else { Retention::Nothing }
 }
 
@@ -136,6 +147,7 @@ impl SeriesReference {
             position_reference: charset
                 .text(&walked.data, tags::POSITION_REFERENCE_INDICATOR)
                 .unwrap_or_default(),
+            description: shown(&charset.text(&walked.data, tags::SERIES_DESCRIPTION).unwrap_or_default()),
             instances,
         })
     }
@@ -161,8 +173,16 @@ impl SeriesReference {
             series_uid: deidentified_uid(&self.series_uid),
             frame_of_reference_uid: self.frame_of_reference_uid.as_deref().map(deidentified_uid),
             position_reference: String::new(),
+            description: String::new(),
             instances: instances.collect(),
         }
+    }
+
+    /// Series Description (0008,103E), at most 64 characters and none of control; empty when absent. It
+    /// is free text and may name the patient.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description
     }
 
     /// Frame of Reference UID (0020,0052), where all slices have the same one. Not for messages.

@@ -19,7 +19,9 @@ use super::metrics::Metrics;
 use super::shares::{self, Shares, Turns};
 use relief_base::Budget;
 use relief_exchange::{Format, Imported, ReadContext};
-use relief_session::{Engine, LoadedVolume, MemoryFull, RenderService, VolumeEntry, VolumeReader};
+use relief_session::{
+    Engine, LoadedVolume, MemoryFull, NameSource, RenderService, VolumeEntry, VolumeReader, Volumes,
+};
 use relief_store::Store;
 use relief_volume::{Grid, LabelMap};
 
@@ -75,6 +77,8 @@ pub struct Config {
     /// Most bytes of voxels and label maps in host memory, of all volumes together. Render requests
     /// that wait or run hold theirs in addition.
     pub memory_bytes: u64,
+    /// What the names of volumes are made of.
+    pub volume_names: NameSource,
     /// Most bytes of contents of annotations (regions, meshes) in the log, after which imports of
     /// more are refused.
     pub content_bytes: u64,
@@ -143,6 +147,7 @@ impl Default for Config {
             body_timeout: Duration::from_secs(15),
             uploads: Some(UploadLimits::default()),
             memory_bytes: 16 << 30,
+            volume_names: NameSource::default(),
             content_bytes: 64 << 30,
             live: LiveConfig::default(),
         }
@@ -277,8 +282,9 @@ impl Server {
         let metrics = Arc::new(Metrics::default());
         let counter = Arc::clone(&metrics);
         let observer = Box::new(move |outcome: &_| counter.rendered(outcome));
+        let volumes = Volumes::within(config.memory_bytes).named_by(config.volume_names);
         Self {
-            engine: Arc::new(Engine::new(service, config.memory_bytes, observer)),
+            engine: Arc::new(Engine::new(service, volumes, observer)),
             metrics,
             live: Arc::new(Live::new(config.live.clone())),
             uploads: Uploads {

@@ -39,13 +39,13 @@ impl std::fmt::Debug for Engine {
 }
 
 impl Engine {
-    /// An engine without volumes, whose voxels together take at most `memory_bytes`.
+    /// An engine of these volumes.
     #[must_use]
-    pub fn new(service: Arc<RenderService>, memory_bytes: u64, observer: RenderObserver) -> Self {
+    pub fn new(service: Arc<RenderService>, volumes: Volumes, observer: RenderObserver) -> Self {
         let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         let encoders = Arc::new(Semaphore::new(cores));
         let short_work = Arc::new(Semaphore::new(cores));
-        Self { service, volumes: Volumes::within(memory_bytes), encoders, short_work, observer }
+        Self { service, volumes, encoders, short_work, observer }
     }
 
     /// A volume with its voxels, which are read again after an eviction.

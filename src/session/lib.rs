@@ -43,8 +43,8 @@ pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
 pub use volumes::{
-    Added, HostMemory, LoadedVolume, MemoryFull, ReadError, UploadRefused, UploadedVolumes, VolumeEntry,
-    VolumeError, VolumeReader, Volumes,
+    Added, HostMemory, LoadedVolume, MemoryFull, NameSource, ReadError, UploadRefused, UploadedVolumes,
+    VolumeEntry, VolumeError, VolumeReader, Volumes,
 };
 
 /// Turns requests into frames. Only the service's thread calls it.

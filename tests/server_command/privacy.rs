@@ -21,7 +21,9 @@ impl Planted {
                 continue; // what is known of the phantom, beside its slices
             }
             let bytes = std::fs::read(&path).unwrap();
-            std::fs::write(&path, replaced(&bytes, b"PHANTOM", b"DOE^JAN")).unwrap();
+            // The description of a series is free text, and may have the name as well.
+            let bytes = replaced(&bytes, b"PHANTOM", b"DOE^JAN");
+            std::fs::write(&path, replaced(&bytes, b"Procedu", b"DOE^JAN")).unwrap();
         }
         let found = relief_dicom::discover(series, Strictness::Lenient, &|_| ()).unwrap();
         let entry = found.select(None).unwrap();
@@ -59,6 +61,25 @@ fn replaced(bytes: &[u8], from: &[u8; 7], to: &[u8; 7]) -> Vec<u8> {
     }
     assert!(count > 0, "a phantom has the name of one");
     bytes
+}
+
+#[test]
+fn descriptions_are_shown_where_the_operator_says_so() {
+    if software_adapter("names of volumes").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let _planted = Planted::into(Path::new(&series));
+    let name = |more: &[&str]| {
+        let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0"];
+        let running = Running::spawn(&mut relief(&[&arguments[..], more].concat()));
+        running.await_ready();
+        let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
+        listed["volumes"][0]["name"].as_str().unwrap().to_owned()
+    };
+    assert!(name(&[]).starts_with("Object, "));
+    assert!(name(&["--show-patient-data"]).starts_with("DOE^JANral phantom: "));
 }
 
 /// Invariant: No name, id or UID of a patient is in an answer, a log line, a metric, the audit log or

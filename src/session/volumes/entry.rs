@@ -24,6 +24,16 @@ pub struct LoadedVolume {
     pub labels: Option<Arc<LabelMap>>,
 }
 
+/// What the names of volumes are made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NameSource {
+    /// The body part that the voxels show.
+    #[default]
+    Anatomy,
+    /// The description of the series, which may name the patient; the body part where it is empty.
+    Description,
+}
+
 /// Who added a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Owner {
@@ -58,6 +68,8 @@ pub struct VolumeEntry {
     pub(super) identity: Option<SeriesIdentity>,
     /// Attributes for exported reports and segmentations. They name the patient: for files only.
     pub reference: Option<Arc<SeriesReference>>,
+    /// The description of the series, where the operator wants it to be shown.
+    pub(super) description: Option<String>,
     /// Label map on the grid of the volume.
     pub labels: Option<Arc<LabelMap>>,
     /// Whether the operator gave the label map: uploads do not replace it.
@@ -65,7 +77,12 @@ pub struct VolumeEntry {
 }
 
 impl VolumeEntry {
-    pub(super) fn new(loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<Self> {
+    pub(super) fn new(
+        loaded: LoadedVolume,
+        owner: Owner,
+        reader: Option<VolumeReader>,
+        names: NameSource,
+    ) -> Arc<Self> {
         let LoadedVolume { volume, warnings, identity, reference, labels } = loaded;
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
         let shown = volume.without_table();
@@ -75,6 +92,9 @@ impl VolumeEntry {
         let anatomy = shown.anatomy();
         let voxels = Arc::new(Voxels::new(volume, reader));
         let id = hash.short();
+        let description = reference.as_deref().map(SeriesReference::description);
+        let description = description.filter(|text| names == NameSource::Description && !text.is_empty());
+        let description = description.map(str::to_owned);
         let has_own_labels = owner == Owner::Operator && labels.is_some();
         Arc::new(Self {
             id,
@@ -90,6 +110,7 @@ impl VolumeEntry {
             owner,
             identity,
             reference,
+            description,
             labels,
             has_own_labels,
         })
@@ -107,11 +128,14 @@ impl VolumeEntry {
         }
     }
 
-    /// What people call it: the body part and the size. Descriptions of series may name patients and are
-    /// left out.
+    /// What people call it: the body part and the size. Descriptions of series may name patients; they
+    /// take the body part's place where the operator shows them.
     #[must_use]
     pub fn name(&self) -> String {
         let [nx, ny, nz] = self.grid.dims();
+        if let Some(description) = &self.description {
+            return format!("{description}, {nx} × {ny} × {nz}");
+        }
         let mut part = self.anatomy.part.name().to_owned();
         part[..1].make_ascii_uppercase();
         let medium = if self.anatomy.has_contrast { " with contrast medium" } else { "" };

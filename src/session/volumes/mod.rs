@@ -15,7 +15,7 @@ mod voxels;
 
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
-pub use entry::{LoadedVolume, VolumeEntry};
+pub use entry::{LoadedVolume, NameSource, VolumeEntry};
 pub use error::{MemoryFull, ReadError, UploadRefused, VolumeError};
 pub(crate) use read_again::voxels;
 pub use residents::HostMemory;
@@ -48,6 +48,7 @@ pub enum Added {
 pub struct Volumes {
     inner: RwLock<Inner>,
     residents: Residents,
+    names: NameSource,
 }
 
 #[derive(Debug, Default)]
@@ -61,7 +62,17 @@ impl Volumes {
     /// An empty registry whose voxels together take at most `limit_bytes` of memory.
     #[must_use]
     pub fn within(limit_bytes: u64) -> Self {
-        Self { inner: RwLock::default(), residents: Residents::new(limit_bytes) }
+        Self {
+            inner: RwLock::default(),
+            residents: Residents::new(limit_bytes),
+            names: NameSource::default(),
+        }
+    }
+
+    /// The same registry with other names of the volumes that are added to it.
+    #[must_use]
+    pub fn named_by(self, names: NameSource) -> Self {
+        Self { names, ..self }
     }
 
     pub(crate) fn residents(&self) -> &Residents {
@@ -103,7 +114,7 @@ impl Volumes {
         loaded: LoadedVolume,
         reader: Option<VolumeReader>,
     ) -> Result<Arc<VolumeEntry>, MemoryFull> {
-        let entry = VolumeEntry::new(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
+        let entry = VolumeEntry::new(loaded, Owner::Operator, reader, self.names); // hashes the voxels: not under the lock
         let mut inner = self.write();
         inner.entries.retain(|known| known.id != entry.id);
         self.residents.make_room(&inner.entries, entry.memory_bytes() + entry.label_bytes())?;
@@ -122,7 +133,7 @@ impl Volumes {
         loaded: LoadedVolume,
         limits: UploadedVolumes,
     ) -> Result<(Arc<VolumeEntry>, Added), UploadRefused> {
-        let entry = VolumeEntry::new(loaded, Owner::Upload, None);
+        let entry = VolumeEntry::new(loaded, Owner::Upload, None, self.names);
         let mut inner = self.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok((Arc::clone(known), Added::Known));
