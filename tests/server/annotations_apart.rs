@@ -209,3 +209,18 @@ async fn an_author_that_is_no_text_is_refused_and_not_ignored() {
     let made = stage.annotate(Method::POST, "", "ben", create(Value::Null)).await;
     assert_eq!((made.status.as_u16(), &made.json()["events"][0]["author"]), (201, &json!("ben")));
 }
+
+#[tokio::test]
+async fn templates_come_with_the_program_until_the_log_has_others() {
+    let stage = Stage::annotated().await;
+    let template = json!({ "items": [{ "name": "nasion" }] });
+    let names = stage.annotate(Method::GET, "/templates", "", Value::Null).await.json();
+    let ready = json!(["aortic-root", "cephalometry", "pelvis", "spine"]);
+    assert_eq!((&names["templates"], &names["ready"]), (&json!([]), &ready));
+    let applied =
+        stage.annotate(Method::POST, "/templates/aortic-root/apply?set=t", "anna", Value::Null).await;
+    assert_eq!((applied.status.as_u16(), applied.json()["events"].as_array().unwrap().len()), (201, 11));
+    stage.annotate(Method::PUT, "/templates/spine", "anna", template).await;
+    let shown = stage.annotate(Method::GET, "/templates/spine", "", Value::Null).await.json();
+    assert_eq!(shown["items"][0]["name"], "nasion");
+}

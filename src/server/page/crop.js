@@ -34,7 +34,7 @@ export function recalledCrop(words) {
 }
 
 /** The box with a side moved to `mm`, within the volume; null when it is the whole again. */
-export function withSide(crop, bounds, axis, corner, mm) {
+function withSide(crop, bounds, axis, corner, mm) {
   const box = (crop ?? bounds).map((place) => [...place]);
   const other = box[1 - corner][axis];
   const [low, high] = corner === 0 ? [bounds[0][axis], other - LEAST_MM] : [other + LEAST_MM, bounds[1][axis]];
