@@ -51,5 +51,5 @@ pub use placing::SnapError;
 pub use placing::{Snap, SnapFeature, Snapped, snap_point, value_at};
 pub use segmentation::{
     Contour, FillError, Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion,
-    GrowthEnd, PaintError, Stroke, fill_contours, grow_region, paint_strokes,
+    GrowthEnd, PaintError, RefineStep, Stroke, fill_contours, grow_region, paint_strokes, refine_region,
 };

@@ -281,6 +281,16 @@ def changed_file(page, server, path, export):
     return {"places": places, "items": [count, len(server.annotations()["items"])]}
 
 
+def drawn(page):
+    """How many pixels of regions and meshes each pane shows."""
+    page.page.wait_for_timeout(400)
+    return page.page.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('.pane')].map((pane) => { const layer = pane.querySelector('.layer');"
+        " const { data } = layer.getContext('2d').getImageData(0, 0, layer.width, layer.height);"
+        " let count = 0; for (let i = 3; i < data.length; i += 4) count += data[i] > 0; return [pane.dataset.pane, count]; }))"
+    )
+
+
 def growing(page, server):
     """A region from a seed in bone, with its volume before and after."""
     page.page.click('.item[data-name="Point 1"] .item-main')
@@ -292,7 +302,12 @@ def growing(page, server):
     page.page.locator("#grow-ml").blur()
     page.click("volume", 0.475, 0.4)
     page.wait("!document.getElementById('grow-now').disabled")
-    found = {"preview": page.page.inner_text("#grow-state")}
+    found = {"preview": page.page.inner_text("#grow-state"), "extent": drawn(page)}
+    page.page.fill("#grow-low", "1200")  # the extent follows without a press
+    page.wait(f"document.getElementById('grow-state').innerText !== {json.dumps(found['preview'])} && !document.getElementById('grow-now').disabled")
+    found["narrower"] = [page.page.inner_text("#grow-state"), drawn(page)]
+    page.page.fill("#grow-low", "400")
+    page.wait(f"document.getElementById('grow-state').innerText === {json.dumps(found['preview'])} && !document.getElementById('grow-now').disabled")
     page.page.click("#grow-now")
     region = server.item("Region 1")
     found["region"] = region
@@ -301,11 +316,7 @@ def growing(page, server):
     found["mesh"] = server.item("Region 1 mesh")
     page.wait_row("Region 1 mesh")
     page.page.wait_for_timeout(1500)
-    found["drawn"] = page.page.evaluate(
-        "Object.fromEntries([...document.querySelectorAll('.pane')].map((pane) => { const layer = pane.querySelector('.layer');"
-        " const { data } = layer.getContext('2d').getImageData(0, 0, layer.width, layer.height);"
-        " let count = 0; for (let i = 3; i < data.length; i += 4) count += data[i] > 0; return [pane.dataset.pane, count]; }))"
-    )
+    found["drawn"] = drawn(page)
     page.shot("grown")
     page.page.fill("#grow-ml", "1")
     page.page.locator("#grow-ml").blur()

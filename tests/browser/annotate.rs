@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use serde_json::{Value, json};
 
-use super::{driven, numbers, skipped};
+use super::{driven, number, numbers, skipped};
 
 /// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
@@ -180,6 +180,10 @@ fn a_region_is_grown_with_its_volume_before_and_after_and_a_leak_is_told() {
     let preview = growing["preview"].as_str().unwrap();
     let said: f64 = preview.split(' ').next().unwrap().parse().unwrap();
     assert!((said - ml).abs() < 0.1, "{preview}, made: {ml} ml");
+    for pane in ["volume", "axial"] {
+        let [all, narrower] = [&growing["extent"][pane], &growing["narrower"][1][pane]].map(number);
+        assert!(0.0 < narrower && narrower < all, "the extent is drawn before it is made, {pane}: {growing}");
+    }
     assert_eq!(growing["mesh"]["item"]["geometry"]["kind"], "mesh");
     for (pane, pixels) in growing["drawn"].as_object().unwrap() {
         assert!(pixels.as_u64().unwrap() > 100, "{pane}: {pixels} pixels of region and mesh");

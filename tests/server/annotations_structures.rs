@@ -50,6 +50,9 @@ async fn a_region_grows_within_its_limits_and_becomes_a_mesh() {
     let content = region["geometry"]["content"].as_str().unwrap();
     let file = stage.get(&stage.path(&format!("annotations/contents/{content}"))).await;
     assert!(file.status == 200 && file.body.starts_with(b"NRRD"), "a .seg.nrrd file");
+    let previewed =
+        data_encoding::BASE64.decode(preview.json()["content"].as_str().unwrap().as_bytes()).unwrap();
+    assert!(previewed == file.body && preview.json()["label"] == 1, "the preview shows what is made");
 
     let wanted = json!({ "region": region["id"], "smoothing": 0, "name": "surface" });
     let mesh = made(&make(&stage, "/mesh", wanted).await);
@@ -118,4 +121,24 @@ async fn curves_on_levels_are_filled() {
     ] {
         make(&stage, "/grow", body).await.problem(status);
     }
+}
+
+#[tokio::test]
+async fn a_region_is_refined_in_one_edit_or_stays() {
+    let stage = Stage::annotated().await;
+    let seed = json!({ "seed_mm": [5.0, 5.0, 5.0], "hu": [0, 63], "name": "all", "set": "s" });
+    let region = made(&make(&stage, "/grow", seed).await);
+    // A hole, and a part of its own: voxels of 10 mm, of which a small ball takes one.
+    let hole =
+        json!({ "region": region["id"], "center_mm": [5.0, 5.0, 5.0], "radius_mm": 1.0, "mode": "erase" });
+    let painted = made(&make(&stage, "/paint", hole).await);
+    assert_eq!(painted["geometry"]["voxels"], 63);
+    let refine =
+        async |step: &str| make(&stage, "/refine", json!({ "region": region["id"], "step": step })).await;
+    assert_eq!(made(&refine("fill-holes").await)["geometry"]["voxels"], 64);
+    let same = refine("keep-largest").await;
+    assert_eq!((same.status.as_u16(), same.json()["events"].as_array().unwrap().len()), (200, 0));
+    refine("sharpen").await.problem(400);
+    let other = json!({ "region": "00000000-0000-4000-8000-000000000000", "step": "smooth" });
+    assert!(make(&stage, "/refine", other).await.status.is_client_error());
 }

@@ -2,7 +2,8 @@
 //!
 //! [`grow_region()`] collects voxels that are connected to seeds and have values in a range, within
 //! limits against leaks. [`fill_contours()`] fills closed curves on several levels.
-//! [`paint_strokes()`] adds and removes balls. All of them make or change a
+//! [`paint_strokes()`] adds and removes balls. [`refine_region()`] smooths a region, fills its holes or
+//! keeps its largest part. All of them make or change a
 //! [`Mask`](relief_volume::Mask), which `Mask::to_labels` converts to a label map. There is no
 //! learning and no automatic threshold for whole organs: users choose the places.
 //!
@@ -19,6 +20,7 @@ mod fill;
 mod flood;
 mod grow;
 mod paint;
+mod refine;
 
 pub use contours::{Contour, FillError};
 pub use fill::fill_contours;
@@ -26,3 +28,4 @@ pub use grow::{
     Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion, GrowthEnd, grow_region,
 };
 pub use paint::{PaintError, Stroke, paint_strokes};
+pub use refine::{RefineStep, refine_region};

@@ -14,6 +14,7 @@ mod list;
 mod log;
 mod mesh;
 mod paint;
+mod refine;
 mod series;
 mod sets;
 mod structure;
@@ -74,6 +75,7 @@ enum Action {
     Check(check::CheckArguments),
     Grow(grow::GrowArguments),
     Paint(paint::PaintArguments),
+    Refine(refine::RefineArguments),
     Fill(fill::FillArguments),
     Mesh(mesh::MeshArguments),
     Accuracy(accuracy::AccuracyArguments),
@@ -94,6 +96,7 @@ pub(super) fn run(arguments: &AnnotateArguments) -> anyhow::Result<ExitCode> {
         Action::Check(arguments) => check::run(arguments, log),
         Action::Grow(arguments) => grow::run(arguments, log),
         Action::Paint(arguments) => paint::run(arguments, log),
+        Action::Refine(arguments) => refine::run(arguments, log),
         Action::Fill(arguments) => fill::run(arguments, log),
         Action::Mesh(arguments) => mesh::run(arguments, log),
         Action::Accuracy(arguments) => accuracy::run(arguments),

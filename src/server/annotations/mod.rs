@@ -40,6 +40,7 @@ pub(super) fn routes() -> Router<AppState> {
         .route("/v1/volumes/{id}/annotations/log", get(log::log))
         .route("/v1/volumes/{id}/annotations/grow", post(structures::grow))
         .route("/v1/volumes/{id}/annotations/paint", post(structures::paint))
+        .route("/v1/volumes/{id}/annotations/refine", post(structures::refine))
         .route("/v1/volumes/{id}/annotations/fill", post(structures::fill))
         .route("/v1/volumes/{id}/annotations/mesh", post(structures::mesh))
         .route("/v1/volumes/{id}/annotations/import", post(files::import))

@@ -30,7 +30,7 @@ pub(super) const MOST_BYTES: usize = 256 << 10;
 /// Media type of a region's content.
 const REGION: &str = "application/x-seg-nrrd";
 /// The label of a region in its content.
-const LABEL: u16 = 1;
+pub(super) const LABEL: u16 = 1;
 
 /// The keys of a body that do not describe the structure.
 #[derive(Debug, Default, Deserialize)]
@@ -134,14 +134,19 @@ impl NewStructure {
             let detail = "the region would have no voxel";
             return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail));
         }
+        let bytes = self.file_of(mask, rgb).await?;
+        let content = self.asked.annotations.store.put_content(REGION, &bytes).await?;
+        Ok(Geometry::Region(RegionSummary { content, label: LABEL, voxels, volume_ml }))
+    }
+
+    /// The voxels of a region as a file, whose label is [`LABEL`].
+    pub(super) async fn file_of(&self, mask: Mask, rgb: Option<[f64; 3]>) -> Result<Vec<u8>, Problem> {
         let segment = Segment::new(LABEL, Some(&self.name), rgb);
         let job = move |_: &Waiting| {
             write_seg_nrrd(&mask.to_labels(segment))
                 .map_err(|error| Problem::internal("writing a region", error))
         };
-        let bytes = self.work("writing a region", job).await?;
-        let content = self.asked.annotations.store.put_content(REGION, &bytes).await?;
-        Ok(Geometry::Region(RegionSummary { content, label: LABEL, voxels, volume_ml }))
+        self.work("writing a region", job).await
     }
 
     /// The voxels of a region.

@@ -8,17 +8,18 @@ use std::sync::Arc;
 use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use data_encoding::BASE64;
 use serde::Deserialize;
 use serde_json::json;
 
 use super::asked::{EditRequest, JsonBody};
-use super::order::{MOST_BYTES, NewStructure, unusable};
+use super::order::{LABEL, MOST_BYTES, NewStructure, unusable};
 use crate::annotation_service::invalid;
 use crate::problem::Problem;
 use relief_annotation::{
     Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,
-    MeshFormat, MeshSummary, Smoothing, Stroke, Versioned, fill_contours as filled, grow_region as grown,
-    paint_strokes as painted, surface_nets, write_mesh as written,
+    MeshFormat, MeshSummary, RefineStep, Smoothing, Stroke, Versioned, fill_contours as filled,
+    grow_region as grown, paint_strokes as painted, refine_region, surface_nets, write_mesh as written,
 };
 use relief_base::{Patient, Point};
 use relief_session::Waiting;
@@ -60,6 +61,14 @@ struct PaintBody {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+struct RefineBody {
+    region: ItemId,
+    step: RefineStep,
+    version: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct FillBody {
     curves: Vec<ItemId>,
 }
@@ -85,10 +94,12 @@ pub(super) async fn grow(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Resu
     };
     let found = order.work("growing a region", job).await?;
     if preview {
-        let (voxels, volume_ml) = (found.voxels, found.volume_ml);
-        return Ok(
-            Json(json!({ "voxels": voxels, "volume_ml": volume_ml, "ended": found.ended })).into_response()
-        );
+        let (voxels, volume_ml, ended) = (found.voxels, found.volume_ml, found.ended);
+        let content = BASE64.encode(&order.file_of(found.mask, None).await?);
+        let answer = json!({
+            "voxels": voxels, "volume_ml": volume_ml, "ended": ended, "content": content, "label": LABEL,
+        });
+        return Ok(Json(answer).into_response());
     }
     let geometry = order.keep(found.mask, None).await?;
     order.create(geometry).await
@@ -117,6 +128,29 @@ pub(super) async fn paint(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Res
     let mask = order.work("painting", job).await?;
     let geometry = order.keep(mask, known.as_ref().and_then(|known| known.item.rgb)).await?;
     let Some(known) = known else { return order.create(geometry).await };
+    let item = Item { geometry: Some(geometry), ..known.item.clone() };
+    let version = version.unwrap_or(known.version);
+    order.change(Change::Update { item: Box::new(item), version }).await
+}
+
+/// Smooths a region, fills its holes or keeps its largest part. Where that changes nothing, there is no
+/// edit.
+pub(super) async fn refine(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
+    let (order, body) = NewStructure::read::<RefineBody>(asked, body, "Region")?;
+    let RefineBody { region, step, version } = body;
+    let known = order.find(region).await?;
+    let Some(Geometry::Region(summary)) = &known.item.geometry else {
+        return Err(no_region(known.item.id));
+    };
+    let mask = order.voxels(summary).await?;
+    let job = move |_: &Waiting| {
+        let refined = refine_region(&mask, step);
+        Ok((refined != mask).then_some(refined))
+    };
+    let Some(refined) = order.work("refining a region", job).await? else {
+        return Ok(Json(json!({ "events": [] })).into_response());
+    };
+    let geometry = order.keep(refined, known.item.rgb).await?;
     let item = Item { geometry: Some(geometry), ..known.item.clone() };
     let version = version.unwrap_or(known.version);
     order.change(Change::Update { item: Box::new(item), version }).await

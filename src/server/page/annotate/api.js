@@ -104,6 +104,10 @@ export class Annotations {
     return this.#send("POST", "/paint", body, { signal });
   }
 
+  refine(body, signal) {
+    return this.#send("POST", "/refine", body, { signal });
+  }
+
   fill(body, signal) {
     return this.#send("POST", "/fill", body, { signal });
   }

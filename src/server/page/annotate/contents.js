@@ -16,6 +16,11 @@ const TYPES = {
   "unsigned short": Uint16Array, uint16: Uint16Array, ushort: Uint16Array, uint16_t: Uint16Array, short: Int16Array, int16: Int16Array,
 };
 
+/** The content of a preview, whose file comes as base64. */
+export function previewed({ content, label }) {
+  return readRegion(Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0)), label);
+}
+
 /** The mask of one label: `{ dims, mask, origin, columns, inverse, skin }`, cut to the voxels that it has. */
 async function readRegion(bytes, label) {
   const end = findBlankLine(bytes);

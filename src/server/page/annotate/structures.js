@@ -2,10 +2,15 @@
 // contours; a mesh of a region.
 
 import { colorOf } from "./model.js";
-import { Contents } from "./contents.js";
+import { Contents, previewed } from "./contents.js";
 import { drawIn3d, drawInSlice } from "./surfaces.js";
 
 const $ = (id) => document.getElementById(id);
+/** The colour of a region that is not made yet, that of its seed. */
+const PREVIEW_COLOR = "#ff8a75";
+/** Numbers that are typed are previewed after a pause, ms. */
+const PAUSE_MS = 200;
+
 const number = (id) => ($(id).value === "" ? null : Number($(id).value));
 
 export class Structures {
@@ -13,15 +18,24 @@ export class Structures {
   #stroke = null;
   /** Ends the preview that is asked for. */
   #asking = null;
+  /** What the region would hold. */
+  #extent = null;
+  #timer = 0;
 
   /** `job` shows work that takes a while. */
   constructor(model, { annotations, spot, commit, took, say, fail, redraw, job }) {
-    Object.assign(this, { model, annotations, spot, commit, took, say, fail, job, advance: () => {} });
+    Object.assign(this, { model, annotations, spot, commit, took, say, fail, redraw, job, advance: () => {} });
+    for (const button of document.querySelectorAll("[data-refine]")) button.addEventListener("click", () => this.refine(button.dataset.refine));
     this.contents = new Contents(annotations, redraw, fail);
     this.seed = null;
     $("grow-now").addEventListener("click", () => this.grow());
     $("grow-forget").addEventListener("click", () => this.cancel());
-    for (const id of ["grow-low", "grow-high", "grow-ml", "grow-radius"]) $(id).addEventListener("change", () => this.seed && this.preview());
+    for (const id of ["grow-low", "grow-high", "grow-ml", "grow-radius"]) {
+      $(id).addEventListener("input", () => {
+        clearTimeout(this.#timer);
+        this.#timer = setTimeout(() => this.seed && this.preview(), PAUSE_MS);
+      });
+    }
   }
 
   takes(tool) {
@@ -75,6 +89,7 @@ export class Structures {
     this.seed = null;
     this.#pressed = null;
     this.#asking?.abort();
+    this.#show(null);
     $("grow-now").disabled = true;
     $("grow-state").textContent = "Press on the structure.";
     if (begun) this.model.changed("draft");
@@ -101,7 +116,14 @@ export class Structures {
     return { seed_mm: this.seed.mm, hu: [number("grow-low") ?? -1024, number("grow-high") ?? 3071], ...known };
   }
 
-  /** How much it would be, before anything is made. */
+  /** Draws the extent of a preview; null draws none. */
+  #show(extent) {
+    if (extent === this.#extent) return;
+    this.#extent = extent;
+    this.redraw();
+  }
+
+  /** How much it would be and where, before anything is made. */
   async preview() {
     const { seed } = this;
     $("grow-now").disabled = true;
@@ -109,13 +131,15 @@ export class Structures {
     const asking = (this.#asking = new AbortController());
     try {
       const found = await this.annotations().grow({ ...this.#order(), preview: true }, asking.signal);
-      if (seed !== this.seed) return;
-      const ml = found.volume_ml ?? found.region?.volume_ml;
-      const why = found.leaked ? ` It leaks: ${leakWords(found.leaked)}` : "";
-      $("grow-state").textContent = `${ml.toFixed(ml < 10 ? 2 : 1)} ml.${why}`;
-      $("grow-now").disabled = Boolean(found.leaked);
+      const extent = await previewed(found);
+      if (seed !== this.seed || asking.signal.aborted) return;
+      this.#show(extent);
+      const ml = found.volume_ml;
+      $("grow-state").textContent = `${ml.toFixed(ml < 10 ? 2 : 1)} ml.`;
+      $("grow-now").disabled = false;
     } catch (error) {
       if (seed !== this.seed || asking.signal.aborted) return;
+      this.#show(null);
       $("grow-state").textContent = refusalWords(error);
     }
   }
@@ -134,9 +158,23 @@ export class Structures {
     await this.#becomeExpected(made, "region");
   }
 
-  async paint(mm) {
+  get #region() {
     const chosen = this.model.entry(this.model.selected);
-    const region = chosen?.item.geometry?.kind === "region" ? chosen : null;
+    return chosen?.item.geometry?.kind === "region" ? chosen : null;
+  }
+
+  /** Smooths the chosen region, fills its holes, or keeps its largest part. */
+  async refine(step) {
+    const region = this.#region;
+    if (!region) return this.say("Choose a region in the list first.");
+    if (region.item.locked) return this.say(`“${region.item.name}” is locked. Unlock it in the list to change it.`);
+    const body = { region: region.item.id, version: region.version, step };
+    const made = await this.#made(`Refining “${region.item.name}” …`, (signal) => this.annotations().refine(body, signal));
+    if (made === undefined) this.say(`“${region.item.name}” stays as it is: the step changes nothing.`, { brief: true });
+  }
+
+  async paint(mm) {
+    const region = this.#region;
     if (region?.item.locked) return this.say(`“${region.item.name}” is locked. Unlock it in the list to paint on it.`);
     const mode = $("paint-mode").value;
     if (!region && mode === "erase") return this.say("Choose the region to erase from in the list first.");
@@ -191,11 +229,13 @@ export class Structures {
   // ---------------------------------------------------------------- drawing
 
   #shapes() {
-    return this.model.shown().flatMap(({ item }) => {
+    const preview = this.#extent ? [{ content: this.#extent, color: PREVIEW_COLOR, selected: true }] : [];
+    const shapes = this.model.shown().flatMap(({ item }) => {
       if (item.geometry.kind !== "region" && item.geometry.kind !== "mesh") return [];
       const content = this.contents.of(item.geometry);
       return content ? [{ content, color: colorOf(item), selected: item.id === this.model.selected }] : [];
     });
+    return [...shapes, ...preview];
   }
 
   drawSlice(pane) {
@@ -208,8 +248,6 @@ export class Structures {
 }
 
 const marked = (name, mm) => ({ item: { name, geometry: { kind: "point", at_mm: mm }, locked: false, rgb: [1, 0.54, 0.46] }, measures: [], handle: 0 });
-
-const leakWords = (leaked) => (typeof leaked === "string" ? leaked : "a limit was reached. Narrow the HU range, or allow more.");
 
 /** The message of a refusal, as a sentence. */
 const refusalWords = ({ message }) => message.charAt(0).toUpperCase() + message.slice(1);
