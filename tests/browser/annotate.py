@@ -303,10 +303,10 @@ def growing(page, server):
     page.click("volume", 0.475, 0.4)
     page.wait("!document.getElementById('grow-now').disabled")
     found = {"preview": page.page.inner_text("#grow-state"), "extent": drawn(page)}
-    page.page.fill("#grow-low", "1200")  # the extent follows without a press
+    page.page.fill("#grow-high", "1400")  # the extent follows without a press
     page.wait(f"document.getElementById('grow-state').innerText !== {json.dumps(found['preview'])} && !document.getElementById('grow-now').disabled")
     found["narrower"] = [page.page.inner_text("#grow-state"), drawn(page)]
-    page.page.fill("#grow-low", "400")
+    page.page.fill("#grow-high", "3000")
     page.wait(f"document.getElementById('grow-state').innerText === {json.dumps(found['preview'])} && !document.getElementById('grow-now').disabled")
     page.page.click("#grow-now")
     region = server.item("Region 1")

@@ -180,7 +180,7 @@ fn a_region_is_grown_with_its_volume_before_and_after_and_a_leak_is_told() {
     let preview = growing["preview"].as_str().unwrap();
     let said: f64 = preview.split(' ').next().unwrap().parse().unwrap();
     assert!((said - ml).abs() < 0.1, "{preview}, made: {ml} ml");
-    for pane in ["volume", "axial"] {
+    for pane in ["volume", "sagittal"] {
         let [all, narrower] = [&growing["extent"][pane], &growing["narrower"][1][pane]].map(number);
         assert!(0.0 < narrower && narrower < all, "the extent is drawn before it is made, {pane}: {growing}");
     }
