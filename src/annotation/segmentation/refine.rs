@@ -68,27 +68,19 @@ struct Crop {
 impl Crop {
     /// `None` of an empty mask.
     fn of(mask: &Mask) -> Option<Self> {
-        let [_, ny, nz] = mask.grid().dims();
+        let [_, ny, _] = mask.grid().dims();
         let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
         for (row, words) in mask.words().chunks_exact(mask.row_words()).enumerate() {
             let Some(start) = words.iter().position(|word| *word != 0) else { continue };
             let end = words.iter().rposition(|word| *word != 0).unwrap_or(start);
-            let ends = [
-                64 * start + words[start].trailing_zeros() as usize,
-                64 * end + 63 - words[end].leading_zeros() as usize,
-            ];
-            for (at, place) in
-                [[ends[0], row % ny, row / ny], [ends[1], row % ny, row / ny]].iter().enumerate()
-            {
-                for axis in 0..3 {
-                    if at == 0 {
-                        low[axis] = low[axis].min(place[axis]);
-                    }
-                    high[axis] = high[axis].max(place[axis]);
-                }
+            let (j, k) = (row % ny, row / ny);
+            let first = [64 * start + words[start].trailing_zeros() as usize, j, k];
+            let last = [64 * end + 63 - words[end].leading_zeros() as usize, j, k];
+            for axis in 0..3 {
+                low[axis] = low[axis].min(first[axis]);
+                high[axis] = high[axis].max(last[axis]);
             }
         }
-        debug_assert!(high[2] < nz);
         if low[0] == usize::MAX {
             return None;
         }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// Time without a connection after which the picture counts as out of date.
 const AWAY: Duration = Duration::from_secs(3);
 
-/// What is known of the picture from the connection's events.
+/// State of the shown picture, by the connection's events.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Freshness {
     /// Since when there is no connection.

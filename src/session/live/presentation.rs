@@ -164,7 +164,7 @@ impl Presentation {
         if entry.id != self.entry.id {
             self.drawables = Drawables::default();
         }
-        // A preset that nobody chose follows the volume.
+        // A preset that the user did not choose follows the volume.
         if self.preset.as_deref() == Some(self.entry.anatomy.preset().name) {
             self.preset = Some(entry.anatomy.preset().name.to_owned());
         }

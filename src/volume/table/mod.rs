@@ -42,7 +42,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of a volume; `None` where there is none.
+    /// The table of a volume; `None` without one.
     #[must_use]
     pub fn find(volume: &Volume) -> Option<Self> {
         let grid = CellGrid::of(volume, CELL_MM);
