@@ -32,7 +32,7 @@ pub struct Record {
     pub size_px: [u32; 2],
     /// Warnings of the series' reading.
     pub warnings: Vec<String>,
-    /// What is wrong with the picture: it shows nothing, or has no depth.
+    /// The warning about a picture that shows nothing or has no depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_warning: Option<String>,
 }

@@ -52,8 +52,7 @@ impl PictureWarning {
             return Some(Self::NothingVisible(EmptyCause::of(request, subject, range_hu)));
         }
         let limits = frame.limits_for(display).ok()?;
-        let is_between = |depth: f32| (limits.near_mm..limits.far_mm).contains(&f64::from(depth));
-        if depths().any(is_between) {
+        if depths().map(f64::from).any(|depth| limits.near_mm < depth && depth < limits.far_mm) {
             return None;
         }
         let visible_mm = [depths().fold(f32::MAX, f32::min), depths().fold(f32::MIN, f32::max)];

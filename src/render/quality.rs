@@ -50,20 +50,23 @@ impl Quality {
         if is_close && close_mm >= request.least_sample_distance_mm(grid) { close_mm } else { of(2.0) }
     }
 
-    /// The distance between samples of a request by what its scene has of quality and distance, mm.
+    /// The distance between samples of a request, mm, from the quality or the distance of its scene.
     ///
     /// # Errors
-    /// When it has both.
+    /// When the scene has both, or a quality in a mode that has none.
     pub(crate) fn resolve(
         written: Option<Self>,
         distance_mm: Option<f64>,
         request: &RenderRequest,
         grid: &Grid,
     ) -> Result<f64, RequestError> {
+        let refuse = |quality: Self, allowed: &str| {
+            Err(RequestError::new("quality", &format_args!("{:?}", quality.name()), allowed))
+        };
         match (written, distance_mm) {
-            (Some(quality), Some(_)) => {
-                let allowed = "left out where the scene has sample_distance_mm";
-                Err(RequestError::new("quality", &format_args!("{:?}", quality.name()), allowed))
+            (Some(quality), Some(_)) => refuse(quality, "left out where the scene has sample_distance_mm"),
+            (Some(quality), None) if request.mode != Mode::Composite => {
+                refuse(quality, "left out in other modes than composite")
             }
             (None, Some(distance_mm)) => Ok(distance_mm),
             (written, None) => Ok(written.unwrap_or_default().sample_distance_mm(request, grid)),

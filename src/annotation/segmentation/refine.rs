@@ -56,7 +56,8 @@ pub fn refine_region(mask: &Mask, step: RefineStep) -> Mask {
 /// Voxels of more than half of a cube of 27.
 const MAJORITY: usize = 14;
 
-/// The box around a region with a border of one voxel, which may reach beyond the grid.
+/// The box around a region with a border of one voxel, which may reach beyond the grid and has no
+/// voxel of the region.
 struct Crop {
     /// Voxel of the grid at index 1 along each axis.
     first: [usize; 3],
@@ -99,16 +100,12 @@ impl Crop {
         Some(crop)
     }
 
+    /// The voxels on their grid. No step puts the border in, so that all of them are on it.
     fn in_grid(&self, grid: &Grid) -> Mask {
         let mut mask = Mask::empty(grid.clone());
         for index in (0..self.is_in.len()).filter(|index| self.is_in[*index]) {
             let place = self.place(index);
-            let at: Option<Vec<usize>> =
-                (0..3).map(|axis| (self.first[axis] + place[axis]).checked_sub(1)).collect();
-            let Some([i, j, k]) = at.and_then(|at| <[usize; 3]>::try_from(at).ok()) else { continue };
-            if (0..3).all(|axis| [i, j, k][axis] < grid.dims()[axis]) {
-                mask.set([i, j, k], true);
-            }
+            mask.set(std::array::from_fn(|axis| self.first[axis] + place[axis] - 1), true);
         }
         mask
     }

@@ -28,14 +28,16 @@ fn quality_decides_the_sample_distance_of_composite_pictures_alone() {
         scene.resolve(&grid(), &Orbit::default()).unwrap().request.sample_distance_mm
     };
     assert_eq!(distance_mm(r#"{"quality":"moving"}"#), 0.5);
-    assert_eq!(distance_mm(r#"{"quality":"still","mode":"mip"}"#), 0.5);
+    assert_eq!(distance_mm(r#"{"mode":"mip"}"#), 0.5);
     assert_eq!(distance_mm(r#"{"sample_distance_mm":2}"#), 2.0);
     // With four samples a voxel it would have more than the renderer takes.
     let long = Grid::axis_aligned([10; 3], [1.0, 1.0, 100.0], [0.0; 3]).unwrap();
     let large = SceneFile::parse(br#"{"size_px":[4096,4096]}"#).unwrap();
     assert_eq!(large.resolve(&long, &Orbit::default()).unwrap().request.sample_distance_mm, 0.5);
     let both = refused(r#"{"quality":"still","sample_distance_mm":1}"#);
-    assert!(both.contains("quality is \"still\", allowed: left out"), "{both}");
+    assert!(both.contains("quality is \"still\", allowed: left out where"), "{both}");
+    let other = refused(r#"{"quality":"still","mode":"mip"}"#);
+    assert!(other.contains("quality is \"still\", allowed: left out in other modes"), "{other}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // Cine: plays the slices of a plane one after another, and begins again behind the last one.
 //
-// The next slice is asked for when the one before is shown, so that a slow server plays more slowly
-// and leaves none out.
+// The next slice is requested after the previous one is shown. A slow server plays more slowly, and
+// no slice is left out.
 
 /** Slices a second to begin with. */
 const RATE = 10;

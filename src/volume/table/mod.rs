@@ -106,8 +106,8 @@ impl Table {
     }
 }
 
-/// The cells of the patient: thick parts with their skin and inside, and hollow objects. `None` if
-/// there are none.
+/// The cells of the patient: thick parts with their skin and inside, and hollow objects. `None` without
+/// such cells.
 fn body(grid: &CellGrid, tissue: &[bool]) -> Option<Vec<bool>> {
     let depths = grid.squared_distances(|cell| !tissue[cell], THICK_MM);
     let square = |mm: f64| (mm * mm) as f32;
