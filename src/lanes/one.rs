@@ -1,0 +1,139 @@
+//! One lane of 64 bits.
+
+use crate::{Lanes, Mask, Real, Triple};
+
+/// The width of one lane of 64 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct OneLane;
+
+/// A number of 64 bits.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct One(pub f64);
+
+macro_rules! operators {
+    ($($operator:ident $method:ident),*) => {$(
+        impl std::ops::$operator for One {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(std::ops::$operator::$method(self.0, other.0))
+            }
+        }
+    )*};
+}
+operators!(Add add, Sub sub, Mul mul, Div div);
+
+impl std::ops::Neg for One {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl Real for One {
+    type Scalar = f64;
+    type Mask = bool;
+
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0))
+    }
+    fn max(self, other: Self) -> Self {
+        Self(self.0.max(other.0))
+    }
+    fn abs(self) -> Self {
+        Self(self.0.abs())
+    }
+    fn floor(self) -> Self {
+        Self(self.0.floor())
+    }
+    fn ceil(self) -> Self {
+        Self(self.0.ceil())
+    }
+    fn sqrt(self) -> Self {
+        Self(self.0.sqrt())
+    }
+    fn log2(self) -> Self {
+        Self(self.0.log2())
+    }
+    fn exp2(self) -> Self {
+        Self(self.0.exp2())
+    }
+    fn lt(self, other: Self) -> bool {
+        self.0 < other.0
+    }
+    fn le(self, other: Self) -> bool {
+        self.0 <= other.0
+    }
+    fn or_where_not(self, mask: bool, other: Self) -> Self {
+        if mask { self } else { other }
+    }
+    fn store(self, to: &mut [f64]) {
+        to[0] = self.0;
+    }
+}
+
+impl Mask for bool {
+    #[inline(always)]
+    fn any(self) -> bool {
+        self
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        self.into()
+    }
+}
+
+impl Lanes for OneLane {
+    const COUNT: usize = 1;
+    type Scalar = f64;
+    type Real = One;
+    type Mask = bool;
+    type Index = usize;
+
+    fn scalar(self, number: f64) -> f64 {
+        number
+    }
+    fn splat(self, number: f64) -> One {
+        One(number)
+    }
+    fn by_lane(self, mut number: impl FnMut(usize) -> f64) -> One {
+        One(number(0))
+    }
+    fn load(self, numbers: &[f64]) -> One {
+        One(numbers[0])
+    }
+    fn chosen(self, numbers: &[f64; 8], places: &[u8]) -> One {
+        One(numbers[usize::from(places[0]) % 8])
+    }
+    fn first(self, count: usize) -> bool {
+        count > 0
+    }
+    fn places(self, Triple([x, y, z]): Triple<One>, [row, layer]: [i32; 2]) -> usize {
+        x.0 as usize + y.0 as usize * row as usize + z.0 as usize * layer as usize
+    }
+    fn place(self, at: One) -> usize {
+        at.0 as usize
+    }
+    fn bytes(self, bytes: &[u8], at: usize) -> One {
+        One(bytes[at].into())
+    }
+    fn shorts(self, numbers: &[i16], at: usize) -> One {
+        One(numbers[at].into())
+    }
+    fn short_pairs<const N: usize>(self, numbers: &[i16], at: usize, distances: [i32; N]) -> [[One; 2]; N] {
+        distances.map(|distance| {
+            let first = at.wrapping_add_signed(distance as isize);
+            [0, 1].map(|beside| One(numbers[first + beside].into()))
+        })
+    }
+    fn real_pairs(self, numbers: &[f32], at: usize) -> [One; 2] {
+        [0, 1].map(|beside| One(numbers[at + beside].into()))
+    }
+    fn color_pairs(self, colors: &[[f32; 4]], at: usize) -> [Triple<One>; 2] {
+        [0, 1].map(|beside| Triple([0, 1, 2].map(|channel: usize| One(colors[at + beside][channel].into()))))
+    }
+    fn gathered(self, numbers: One, _chosen: bool) -> One {
+        numbers
+    }
+}
