@@ -33,8 +33,10 @@ fn gradient_and_hu(p: vec3<f32>) -> vec4<f32> {
     return texel * vec4<f32>(vec3<f32>(frame.gradient_scale), HU_SCALE);
 }
 
-// Over one voxel to both sides: HU per two voxels, along i, j, k.
-fn central_differences(p: vec3<f32>) -> vec3<f32> {
+// Over one voxel to both sides: HU per two voxels, along i, j, k. Beyond the outermost voxel centres
+// they are those of the nearest point between them, as interpolation of precomputed ones has it.
+fn central_differences(position: vec3<f32>) -> vec3<f32> {
+    let p = clamp(position, vec3<f32>(0.0), frame.dims - 1.0);
     let x = vec3<f32>(1.0, 0.0, 0.0);
     let y = vec3<f32>(0.0, 1.0, 0.0);
     let z = vec3<f32>(0.0, 0.0, 1.0);

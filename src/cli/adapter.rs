@@ -3,13 +3,15 @@
 use anyhow::Context;
 
 use super::memory::parse_bytes;
-use relief_render::{AdapterChoice, Gpu, Renderer, VolumeLimits};
+use relief_render::{AdapterChoice, Renderer, VolumeLimits};
 use relief_session::GpuBackend;
 
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]
 pub(super) struct AdapterArguments {
-    /// Graphics adapter: best, software, or a part of its name
+    /// What renders: best, cpu, software, or a part of a graphics adapter's name. `best` is a
+    /// graphics card, or else `cpu`, Relief's own ray caster, which needs no driver; `software` is a
+    /// software driver such as lavapipe. What `cpu` cannot do falls to the best graphics adapter
     #[arg(long, value_name = "NAME", default_value = "best", env = "RELIEF_ADAPTER")]
     adapter: String,
     /// Graphics memory for volumes, their gradients and maps of empty space, such as 512MiB or
@@ -23,7 +25,7 @@ impl AdapterArguments {
     pub(super) fn open_backend(&self) -> anyhow::Result<GpuBackend> {
         let (choice, memory_bytes) = (AdapterChoice::parse(&self.adapter), self.gpu_memory);
         let open = move || {
-            let mut renderer = Renderer::new(Gpu::open(&choice)?)?;
+            let mut renderer = Renderer::open(&choice)?;
             renderer.set_volume_limits(VolumeLimits { memory_bytes, ..renderer.volume_limits() });
             Ok(renderer)
         };
@@ -32,8 +34,8 @@ impl AdapterArguments {
 
     /// A renderer on the chosen adapter.
     pub(super) fn open_renderer(&self) -> anyhow::Result<Renderer> {
-        let gpu = Gpu::open(&AdapterChoice::parse(&self.adapter))?;
-        let mut renderer = Renderer::new(gpu).context("the renderer cannot start")?;
+        let choice = AdapterChoice::parse(&self.adapter);
+        let mut renderer = Renderer::open(&choice).context("the renderer cannot start")?;
         let limits = VolumeLimits { memory_bytes: self.gpu_memory, ..renderer.volume_limits() };
         renderer.set_volume_limits(limits);
         Ok(renderer)

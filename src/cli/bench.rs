@@ -181,7 +181,7 @@ impl Bench<'_> {
         let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
         let (transfer_change_ms, clip_change_ms) = self.changes(request)?;
         let driver_samples_per_s = self.renderer.sampling_rate(self.volume)?;
-        let adapter = self.renderer.gpu().description();
+        let adapter = self.renderer.adapter();
         Ok(BenchReport {
             adapter: adapter.name.clone(),
             driver: adapter.driver.clone(),

@@ -116,8 +116,8 @@ fn examine() -> DoctorReport {
     findings.extend(loader_finding(&adapters));
     findings.extend(adapters.iter().map(adapter_finding));
     if adapters.is_empty() {
-        let found = "no graphics adapter".to_owned();
-        findings.push(Finding::new(Mark::Missing, "adapter", found).advise(GET_A_DRIVER));
+        let found = "no graphics adapter: only what the processor's own ray caster does can be rendered";
+        findings.push(Finding::new(Mark::Warn, "adapter", found.to_owned()).advise(GET_A_DRIVER));
     }
     let mut report = DoctorReport {
         version: env!("CARGO_PKG_VERSION"),
@@ -147,28 +147,26 @@ impl Finding {
 impl DoctorReport {
     /// Opens the adapter that every other subcommand would open, and renders with it.
     fn examine_choice(&mut self) {
-        if self.adapters.is_empty() {
-            return;
-        }
         let wanted = std::env::var("RELIEF_ADAPTER").unwrap_or_default();
         let choice = AdapterChoice::parse(&wanted);
-        let gpu = match Gpu::open(&choice) {
-            Ok(gpu) => gpu,
+        let renderer = match Renderer::open(&choice) {
+            Ok(renderer) => renderer,
             Err(error) => {
                 self.findings.push(unopened_finding(&wanted, &error));
                 return;
             }
         };
-        let found = format!("{}: {}", gpu.description().name, reason(&choice, &self.adapters));
+        let adapter = renderer.adapter().clone();
+        let found = format!("{}: {}", adapter.name, reason(&choice, &adapter, &self.adapters));
         self.findings.push(Finding::new(Mark::Ok, "chosen", found));
-        self.findings.push(limits_finding(gpu.limits()));
-        self.chosen = Some(gpu.description().clone());
-        self.limits = Some(gpu.limits());
-        self.examine_rendering(gpu);
+        self.limits = renderer.gpu().map(Gpu::limits);
+        self.findings.extend(self.limits.map(limits_finding));
+        self.chosen = Some(adapter);
+        self.examine_rendering(renderer);
     }
 
-    fn examine_rendering(&mut self, gpu: Gpu) {
-        match self_test(gpu) {
+    fn examine_rendering(&mut self, renderer: Renderer) {
+        match self_test(renderer) {
             Ok(test) => {
                 self.can_render = test.passed;
                 self.findings.push(test.finding());
@@ -182,11 +180,12 @@ impl DoctorReport {
     }
 }
 
-fn unopened_finding(wanted: &str, error: &GpuError) -> Finding {
+fn unopened_finding(wanted: &str, error: &RenderError) -> Finding {
     match error {
-        GpuError::NoAdapter { .. } => {
+        RenderError::Gpu(GpuError::NoAdapter { .. }) => {
             let found = format!("no adapter for RELIEF_ADAPTER={wanted}");
-            let advice = ["unset RELIEF_ADAPTER, or set it to best, software, or a part of a name above"];
+            let advice =
+                ["unset RELIEF_ADAPTER, or set it to best, cpu, software, or a part of a name above"];
             Finding::new(Mark::Missing, "chosen", found).advise(advice)
         }
         _ => Finding::new(Mark::Failed, "chosen", error.to_string()).advise(ANOTHER_ADAPTER),
@@ -268,6 +267,7 @@ fn linker_cache() -> Option<String> {
 
 fn adapter_finding(adapter: &AdapterDescription) -> Finding {
     let kind = match adapter.kind {
+        AdapterKind::Processor => "processor",
         AdapterKind::Software => "software",
         AdapterKind::Other => "unclassified",
         AdapterKind::Virtual => "virtual GPU",
@@ -293,8 +293,12 @@ fn mesa_release(driver: &str) -> Option<u32> {
 }
 
 /// Why an adapter was chosen.
-fn reason(choice: &AdapterChoice, adapters: &[AdapterDescription]) -> String {
+fn reason(choice: &AdapterChoice, chosen: &AdapterDescription, adapters: &[AdapterDescription]) -> String {
     match choice {
+        AdapterChoice::Best if chosen.kind == AdapterKind::Processor => {
+            "there is no graphics card".to_owned()
+        }
+        AdapterChoice::Processor => "RELIEF_ADAPTER asks for the processor".to_owned(),
         AdapterChoice::Best if adapters.len() == 1 => "the only one".to_owned(),
         AdapterChoice::Best => format!("the most capable of {}", adapters.len()),
         AdapterChoice::Software => "RELIEF_ADAPTER asks for a software adapter".to_owned(),
@@ -317,13 +321,12 @@ fn limits_finding(limits: GpuLimits) -> Finding {
 }
 
 /// Renders a ball twice and compares it with the f64 twin.
-fn self_test(gpu: Gpu) -> Result<SelfTest, RenderError> {
+fn self_test(mut renderer: Renderer) -> Result<SelfTest, RenderError> {
     let volume = Phantom::sphere(SELF_TEST_VOXELS).expect("a size within the range of phantoms").volume;
     let scene = SceneFile::default().with_preset("bone").with_size(SELF_TEST_SIZE_PX);
     let orbit = Orbit { azimuth_deg: 30.0, elevation_deg: 20.0, ..Orbit::default() };
     let request = scene.resolve(volume.grid(), &orbit).expect("a preset and a size within range").request;
     let start = Instant::now();
-    let mut renderer = Renderer::new(gpu)?;
     let frame = renderer.render(&volume, &request)?;
     let first_frame_ms = start.elapsed().as_secs_f64() * 1e3;
     let frame_ms = renderer.render(&volume, &request)?.timings.render_ms;

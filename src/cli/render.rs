@@ -263,7 +263,7 @@ fn report(
     &Written { out, depth_out, views }: &Written<'_>,
     json: bool,
 ) -> anyhow::Result<ExitCode> {
-    let adapter = renderer.gpu().description();
+    let adapter = renderer.adapter();
     let limits = frame.limits_for(&scene.display)?;
     let rays_px = scene.request.reduced_px.unwrap_or(frame.size_px);
     if json {
@@ -277,6 +277,7 @@ fn report(
             "chosen": chosen(scene),
             "adapter": adapter.name,
             "driver": adapter.driver,
+            "left_by_processor": renderer.left_by_processor(),
             "upload_ms": frame.timings.upload_ms,
             "render_ms": frame.timings.render_ms,
             "overlay_ms": frame.timings.overlay_ms,
@@ -299,6 +300,9 @@ fn report(
         }
         let [width, height] = frame.size_px;
         say!("{}: {width}x{height} in {:.0} ms on {adapter}", out.display(), frame.timings.render_ms);
+        if let Some(part) = renderer.left_by_processor() {
+            say!("{part}: not rendered by the processor's own ray caster, but by this adapter");
+        }
         if scene.budget_ms.is_some() {
             let [columns, rows] = rays_px;
             say!("under a budget: {columns}x{rows} rays, samples of {} mm", scene.request.sample_distance_mm);

@@ -148,7 +148,7 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let audit = arguments.identity.audit()?;
     let backend = arguments.adapter.open_backend()?;
     let limits = backend.renderer().volume_limits();
-    let adapter = backend.renderer().gpu().description().to_string();
+    let adapter = backend.renderer().adapter().to_string();
     let backend = backend.with_faults(faults::of_device(&arguments.faults));
     faults::begin_clock(&arguments.faults);
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };

@@ -55,6 +55,33 @@ impl Bands {
         }
     }
 
+    /// The bands of the processor's own ray caster, which lose nothing but the end of each.
+    pub(super) fn of_processor() -> Self {
+        Self::of(AdapterKind::Software)
+    }
+
+    /// Casts all bands of a region: calls `cast` with the first row of each and its number of rows,
+    /// and asks after each whether to continue.
+    ///
+    /// # Errors
+    /// When the caller cancels.
+    pub(super) fn each(
+        self,
+        region: Region,
+        mut cast: impl FnMut(u32, u32),
+        watch: &mut Watch<'_>,
+    ) -> Result<(), RenderError> {
+        let (mut bands, mut done) = (self, 0);
+        while let Some(band) = bands.next(region, done) {
+            let since = Instant::now();
+            cast(band.first_row, band.rows);
+            done += band.rows;
+            bands = bands.after(since.elapsed());
+            watch.band_done(false)?;
+        }
+        Ok(())
+    }
+
     /// Bands of the given number of pixels, whatever the length of their rays.
     pub(super) fn of_pixels(pixels: u32) -> Self {
         Self { pixels, samples: f64::INFINITY, duration: None }

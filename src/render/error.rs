@@ -53,6 +53,18 @@ pub enum RenderError {
         /// The smallest factor that fits; `None` where none does.
         factor: Option<usize>,
     },
+    /// The processor's ray caster leaves a part of the request to a graphics adapter, and there is
+    /// none.
+    #[error(
+        "{part} cannot be rendered on the processor alone, and there is no graphics adapter for it: {source}; \
+         scripts/setup-driver fetches a software driver"
+    )]
+    BeyondProcessor {
+        /// The part of the request.
+        part: &'static str,
+        /// Why there is no adapter.
+        source: GpuError,
+    },
     /// The caller cancelled the picture.
     #[error("the picture was cancelled")]
     Cancelled,

@@ -1,16 +1,14 @@
-//! The renderer: owns the device, caches uploads, casts rays and reads the picture back.
+//! The renderer on a graphics adapter: owns the device, caches uploads, casts rays and reads the
+//! picture back.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use super::bands::{Bands, Dispatch};
-use super::enlarge::enlarged;
 use super::error::RenderError;
 use super::frame::{BackLayer, RenderedFrame, Timings};
 use super::illumination::{self, Illumination, Illuminator};
-use super::letters;
 use super::mode::Mode;
-use super::overlay::Drawing;
 use super::pathtrace::{PathTraceJob, PathTracer};
 use super::pipelines::{Output, PipelineKey, Pipelines, Variant};
 use super::region::Region;
@@ -18,16 +16,16 @@ use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::slices::SlicePipelines;
 use super::store::{MemoryUse, Store, VolumeLimits};
-use super::target::{CastKey, CastOptions, Target, Unfinished, layers};
+use super::target::{CastKey, CastOptions, Target, Unfinished, background, layers};
 use super::uniform::FrameUniform;
-use super::watch::{Progress, Watch};
+use super::watch::Watch;
 use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::limits::depth_limits;
 use crate::texture::VoxelFormat;
 use relief_volume::{ContentHash, Volume};
 
-/// Renders requests on one GPU. Lives on one thread; a volume goes up on first use.
-pub struct Renderer {
+/// Casts the rays of requests on one GPU. Lives on one thread; a volume goes up on first use.
+pub(super) struct GpuRays {
     gpu: Gpu,
     format: VoxelFormat,
     bands: Bands,
@@ -44,12 +42,12 @@ pub struct Renderer {
     path_tracer: Option<PathTracer>,
 }
 
-impl Renderer {
+impl GpuRays {
     /// A renderer on this GPU.
     ///
     /// # Errors
     /// When the adapter refuses the shaders.
-    pub fn new(gpu: Gpu) -> Result<Self, RenderError> {
+    pub(super) fn new(gpu: Gpu) -> Result<Self, RenderError> {
         let format = VoxelFormat::of(gpu.limits());
         let pipelines = Pipelines::new(&gpu, format)?;
         let slices = SlicePipelines::new(&gpu, format.hu_scale())?;
@@ -85,29 +83,23 @@ impl Renderer {
     }
 
     /// The GPU in use.
-    #[must_use]
-    pub fn gpu(&self) -> &Gpu {
+    pub(super) fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
     /// What volumes may need.
-    #[must_use]
-    pub fn volume_limits(&self) -> VolumeLimits {
+    pub(super) fn volume_limits(&self) -> VolumeLimits {
         self.store.limits
     }
 
     /// Replaces what volumes may need, for those that go up from now on. Values beyond those of the
     /// adapter, and more than [`VolumeLimits::BRICKS`] bricks, are cut to them.
-    pub fn set_volume_limits(&mut self, limits: VolumeLimits) {
-        let most = VolumeLimits::of(&self.gpu);
-        let (side, bricks) = (limits.side.min(most.side), limits.bricks.min(most.bricks));
-        let texture_bytes = limits.texture_bytes.min(most.texture_bytes);
-        self.store.limits = VolumeLimits { side, bricks, texture_bytes, ..limits };
+    pub(super) fn set_volume_limits(&mut self, limits: VolumeLimits) {
+        self.store.limits = limits.within(VolumeLimits::of(&self.gpu));
     }
 
     /// The cached data on the adapter.
-    #[must_use]
-    pub fn memory(&self) -> MemoryUse {
+    pub(super) fn memory(&self) -> MemoryUse {
         self.store.memory()
     }
 
@@ -115,39 +107,14 @@ impl Renderer {
     /// can be cancelled between bands. The bytes do not depend on it. By default, bands of software
     /// adapters get the size that takes 16 ms, and others have 2^22 pixels or fewer where rays are
     /// long.
-    pub fn set_band_pixels(&mut self, pixels: u32) {
+    pub(super) fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);
     }
 
     /// Makes bands of software adapters short, 4 ms: a picture is cancelled sooner, and takes about
     /// a fifth longer. The bytes do not depend on it.
-    pub fn set_short_bands(&mut self, are_short: bool) {
+    pub(super) fn set_short_bands(&mut self, are_short: bool) {
         self.bands = self.bands.shortened(are_short);
-    }
-
-    /// Renders one picture.
-    ///
-    /// # Errors
-    /// When the request is out of range, the volume too large for the adapter, or the adapter
-    /// fails.
-    pub fn render(&mut self, volume: &Volume, request: &RenderRequest) -> Result<RenderedFrame, RenderError> {
-        self.render_with(volume, request, EmptySpaceSkipping::On)
-    }
-
-    /// Like [`Renderer::render`]. Calls `goes_on` with the progress after every band, and after
-    /// every pass of mode path-traced; it may cancel the picture. Submitted work, at most a band,
-    /// is finished nevertheless. An equal request continues the picture that was cancelled last,
-    /// from its rows or passes; its bytes are the same.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`], and [`RenderError::Cancelled`] when `goes_on` breaks off.
-    pub fn render_watched(
-        &mut self,
-        volume: &Volume,
-        request: &RenderRequest,
-        goes_on: &mut dyn FnMut(Progress) -> ControlFlow<()>,
-    ) -> Result<RenderedFrame, RenderError> {
-        self.render_as(volume, request, EmptySpaceSkipping::On, &mut Watch::new(goes_on))
     }
 
     /// The picture of mode path-traced, of a volume that was cast before.
@@ -167,56 +134,8 @@ impl Renderer {
         tracer.render(PathTraceJob { gpu, volume, on_gpu, appearance, sampler, request, bands }, watch)
     }
 
-    /// As [`Renderer::render`], with a say over empty-space skipping by rays. A path-traced picture
-    /// has their depth, and otherwise always skips.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
-    pub fn render_with(
-        &mut self,
-        volume: &Volume,
-        request: &RenderRequest,
-        skipping: EmptySpaceSkipping,
-    ) -> Result<RenderedFrame, RenderError> {
-        self.render_as(volume, request, skipping, &mut Watch::new(&mut |_| ControlFlow::Continue(())))
-    }
-
-    fn render_as(
-        &mut self,
-        volume: &Volume,
-        request: &RenderRequest,
-        skipping: EmptySpaceSkipping,
-        watch: &mut Watch<'_>,
-    ) -> Result<RenderedFrame, RenderError> {
-        let volume = request.shown(volume);
-        request.validate_on(volume.grid())?;
-        let preparing = Instant::now();
-        let drawing = Drawing::new(request, volume.grid())?;
-        let preparing_ms = milliseconds(preparing);
-        let mut frame = match request.reduced_px {
-            None => self.rays(volume, request, skipping, watch)?,
-            Some(size_px) => {
-                let reduced = RenderRequest { size_px, reduced_px: None, ..request.clone() };
-                let frame = self.rays(volume, &reduced, skipping, watch)?;
-                let start = Instant::now();
-                let mut frame = enlarged(frame, request.size_px);
-                frame.timings.overlay_ms += milliseconds(start);
-                frame
-            }
-        };
-        if request.letters {
-            letters::burn(&mut frame);
-        }
-        if let Some(drawing) = drawing {
-            let drawn = Instant::now();
-            drawing.draw(&mut frame);
-            frame.timings.overlay_ms += preparing_ms + milliseconds(drawn);
-        }
-        Ok(frame)
-    }
-
     /// The picture of the volume without overlays.
-    fn rays(
+    pub(super) fn rays(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
@@ -273,8 +192,8 @@ impl Renderer {
     /// How many volume samples the rays of a picture take, gradients and depth refinement left out.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
-    pub fn count_samples(
+    /// As [`GpuRays::rays`].
+    pub(super) fn count_samples(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,
@@ -315,13 +234,13 @@ impl Renderer {
     ///
     /// # Errors
     /// When the volume is too large for the adapter, or the adapter fails.
-    pub fn sampling_rate(&mut self, volume: &Volume) -> Result<f64, RenderError> {
+    pub(super) fn sampling_rate(&mut self, volume: &Volume) -> Result<f64, RenderError> {
         self.store.prepare_volume(&self.gpu, volume)?;
         Ok(super::calibrate::sampling_rate(&self.gpu, &self.store.volume().view, &self.sampler)?)
     }
 
     /// Frees all that is cached on the adapter, after it had too little memory for a picture.
-    pub fn release(&mut self) {
+    pub(super) fn release(&mut self) {
         self.store.clear();
         self.illuminator.clear(&self.gpu);
         (self.target, self.unfinished, self.path_tracer) = (None, None, None);
@@ -329,13 +248,12 @@ impl Renderer {
 
     /// Loses the device as a driver does that is reset: every later picture fails. To test what
     /// recovers from it.
-    #[doc(hidden)]
-    pub fn lose_device(&self) {
+    pub(super) fn lose_device(&self) {
         self.gpu.device.destroy();
     }
 
     /// Frees the data of a volume: its voxels and its appearances.
-    pub fn forget(&mut self, volume: ContentHash) {
+    pub(super) fn forget(&mut self, volume: ContentHash) {
         [volume, volume.without_table()].into_iter().for_each(|shown| self.forget_shown(shown));
     }
 
@@ -415,7 +333,7 @@ impl Renderer {
         let appearance = self.store.appearance();
         let region = match (request.mode, skipping) {
             (Mode::Slice(_), _) | (_, EmptySpaceSkipping::Off) => Region::whole(request.size_px),
-            _ => Region::of(request, volume.grid(), appearance),
+            _ => Region::of(request, volume.grid(), &appearance.bricks),
         };
         self.target.as_mut().expect("made before").region = region;
         let target = self.target.as_ref().expect("made before");
@@ -484,13 +402,6 @@ impl Renderer {
 /// The shader cannot write an infinity portably; it writes the largest power of two for a miss.
 fn depth_mm_of(written: f32) -> f32 {
     if written > 1e38 { f32::INFINITY } else { written }
-}
-
-/// The pixel of a ray that hits nothing: halves go to even numbers, as in the shader.
-fn background(request: &RenderRequest) -> [u8; 4] {
-    let byte = |channel: f64| (channel.clamp(0.0, 1.0) as f32 * 255.0).round_ties_even() as u8;
-    let [red, green, blue] = request.background_rgb.map(byte);
-    [red, green, blue, 0]
 }
 
 fn milliseconds(since: Instant) -> f64 {

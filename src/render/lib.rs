@@ -26,6 +26,7 @@
 //! volume, transfer function and light. **The path tracer** uses delta tracking with a majorant for
 //! each brick; its random numbers are hashes of pixel, pass and seed.
 
+mod appearance;
 mod bands;
 mod calibrate;
 mod classification;
@@ -37,6 +38,7 @@ mod fingerprint;
 mod frame;
 mod framing;
 mod gpu;
+mod gpu_rays;
 mod gradients;
 mod illumination;
 mod interest;
@@ -50,6 +52,7 @@ mod mode;
 mod overlay;
 mod pathtrace;
 mod pipelines;
+mod processor;
 mod quality;
 mod reference;
 mod region;
@@ -91,6 +94,7 @@ pub use overlay::{
 };
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
+pub use processor::left_by_processor;
 pub use quality::Quality;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};

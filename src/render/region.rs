@@ -4,10 +4,10 @@
 //! Spaces: pixels, rows from the top. The region is computed from a box around the possibly visible
 //! voxels, in patient mm, and is never too small: the picture is the same without it.
 
+use super::appearance::VisibleBricks;
 use super::mode::Mode;
 use super::pipelines::WORKGROUP_SIDE;
 use super::request::RenderRequest;
-use super::upload::Appearance;
 use relief_base::{Patient, Point};
 use relief_volume::{Camera, Grid};
 
@@ -36,9 +36,9 @@ impl Region {
 
     /// Where a request shows anything of a volume: its visible bricks, or all of it in modes that
     /// blend the invisible in.
-    pub(super) fn of(request: &RenderRequest, grid: &Grid, appearance: &Appearance) -> Self {
+    pub(super) fn of(request: &RenderRequest, grid: &Grid, bricks: &VisibleBricks) -> Self {
         let corners = match request.mode {
-            Mode::Composite | Mode::Isosurface => appearance.visible_corners(grid),
+            Mode::Composite | Mode::Isosurface => bricks.corners(grid),
             _ => Some(grid.corners()),
         };
         match corners {

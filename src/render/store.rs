@@ -52,6 +52,27 @@ impl VolumeLimits {
     /// too. Its voxels are large beside its samples, and so are bricks of four.
     const QUICK_BRICKS: u64 = 1 << 20;
 
+    /// What the processor's ray caster takes: places of voxels have 31 bits, and it has no gradients.
+    pub(super) fn of_processor() -> Self {
+        Self {
+            side: i32::MAX as usize,
+            texture_bytes: 2 * i32::MAX as u64,
+            memory_bytes: Self::MEMORY_BYTES,
+            gradient_bytes: 0,
+            bricks: Self::BRICKS,
+        }
+    }
+
+    /// These limits, cut to those of an adapter but for the bytes of all volumes and of gradients.
+    pub(super) fn within(self, most: Self) -> Self {
+        Self {
+            side: self.side.min(most.side),
+            texture_bytes: self.texture_bytes.min(most.texture_bytes),
+            bricks: self.bricks.min(most.bricks),
+            ..self
+        }
+    }
+
     pub(super) fn of(gpu: &Gpu) -> Self {
         let is_software = gpu.description().kind == AdapterKind::Software;
         Self {
@@ -129,6 +150,19 @@ pub struct MemoryUse {
     pub evictions: u64,
 }
 
+impl MemoryUse {
+    /// This and that of another adapter under the same limit.
+    pub(super) fn with(self, other: Self) -> Self {
+        Self {
+            volumes: self.volumes + other.volumes,
+            used_bytes: self.used_bytes + other.used_bytes,
+            limit_bytes: self.limit_bytes,
+            uploads: self.uploads + other.uploads,
+            evictions: self.evictions + other.evictions,
+        }
+    }
+}
+
 /// Volumes and appearances, in the order of their last use.
 pub(super) struct Store {
     pub(super) limits: VolumeLimits,
@@ -186,7 +220,7 @@ impl Store {
         let hash = volume.content_hash();
         let had_volume = !self.prepare_volume(gpu, volume)?;
         let had_labels = !self.prepare_labels(gpu, request)?;
-        let had_appearance = move_to_end(&mut self.appearances, |known| known.fits(hash, request));
+        let had_appearance = move_to_end(&mut self.appearances, |known| known.key.fits(hash, request));
         if !had_appearance {
             let bytes = self.volume().plan.appearance_bytes;
             while !self.appearances.is_empty()
@@ -250,7 +284,7 @@ impl Store {
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|known| known.hash != volume);
         self.label_maps.forget(volume);
-        self.appearances.retain(|known| !known.is_of(volume));
+        self.appearances.retain(|known| known.key.volume != volume);
     }
 
     /// Frees everything.
@@ -268,7 +302,7 @@ impl Store {
     fn evict_first(&mut self) {
         let hash = self.volumes.remove(0).hash;
         self.label_maps.forget(hash);
-        self.appearances.retain(|known| !known.is_of(hash));
+        self.appearances.retain(|known| known.key.volume != hash);
         self.evictions += 1;
     }
 }

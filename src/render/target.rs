@@ -87,3 +87,10 @@ fn pixels(request: &RenderRequest) -> usize {
     let [width, height] = request.size_px;
     width as usize * height as usize * layers(request)
 }
+
+/// The pixel of a ray that hits nothing: halves go to even numbers, as in the shader.
+pub(super) fn background(request: &RenderRequest) -> [u8; 4] {
+    let byte = |channel: f64| (channel.clamp(0.0, 1.0) as f32 * 255.0).round_ties_even() as u8;
+    let [red, green, blue] = request.background_rgb.map(byte);
+    [red, green, blue, 0]
+}

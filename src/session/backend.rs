@@ -168,6 +168,7 @@ fn of_render(error: RenderError) -> BackendError {
         | RenderError::VolumeTooLarge { .. }
         | RenderError::VolumeOverTexture { .. }
         | RenderError::VolumeOverMemory { .. }
+        | RenderError::BeyondProcessor { .. }
         | RenderError::Gpu(GpuError::OutOfMemory { .. }) => BackendError::Refused(error.into()),
         RenderError::Gpu(_) => BackendError::Failed(error.into()),
     }

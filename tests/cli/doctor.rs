@@ -49,10 +49,14 @@ fn a_healthy_machine_renders_and_says_on_what() {
     assert_eq!(report["self_test"]["passed"], true, "{report}");
     assert_eq!(finding(&report, "self-test")["mark"], "ok");
     let chosen = report["chosen"]["name"].as_str().expect("an adapter was chosen");
-    assert!(report["adapters"].as_array().unwrap().iter().any(|adapter| adapter["name"] == chosen));
+    let is_processor = report["chosen"]["kind"] == "processor";
+    let has = |name: &str| report["adapters"].as_array().unwrap().iter().any(|one| one["name"] == name);
+    assert!(is_processor || has(chosen), "{chosen}");
     // Vulkan guarantees 3D textures of 256 and storage buffers of 128 MiB.
-    assert!(report["limits"]["texture_3d_side"].as_u64().unwrap() >= 256);
-    assert!(report["limits"]["storage_bytes"].as_u64().unwrap() >= 1 << 27);
+    let adapter = json(&doctor(&["--json"], &[("RELIEF_ADAPTER", "software")]));
+    assert!(adapter["limits"]["texture_3d_side"].as_u64().unwrap() >= 256);
+    assert!(adapter["limits"]["storage_bytes"].as_u64().unwrap() >= 1 << 27);
+    assert_eq!(adapter["self_test"]["passed"], true, "{adapter}");
     let readable = doctor(&[], &[]);
     assert!(readable.status.success());
     assert!(text(&readable).ends_with(&format!("Relief renders on {chosen}.\n")), "{}", text(&readable));
@@ -81,18 +85,24 @@ fn a_driver_file_that_is_gone_is_named_with_the_remedy() {
     // Another variable could add a driver that works.
     let environment = [("VK_DRIVER_FILES", gone), ("VK_ADD_DRIVER_FILES", ""), ("VK_ICD_FILENAMES", "")];
     let output = doctor(&[], &environment);
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert_eq!(output.status.code(), Some(0), "the processor renders: {}", text(&output));
     let report = text(&output);
-    for part in
-        [gone, "does not exist", "scripts/setup-driver", "mesa-vulkan-drivers", "libvulkan1", "cannot render"]
-    {
+    for part in [
+        gone,
+        "does not exist",
+        "scripts/setup-driver",
+        "mesa-vulkan-drivers",
+        "libvulkan1",
+        "Relief renders on processor",
+    ] {
         assert!(report.contains(part), "{part:?} is not in\n{report}");
     }
     let report = json(&doctor(&["--json"], &environment));
-    assert_eq!(report["can_render"], false);
+    assert_eq!(report["can_render"], true);
+    assert_eq!(report["chosen"]["kind"], "processor");
     assert_eq!(report["adapters"], Value::Array(Vec::new()));
     assert_eq!(finding(&report, "VK_DRIVER_FILES")["mark"], "missing");
-    assert_eq!(finding(&report, "adapter")["mark"], "missing");
+    assert_eq!(finding(&report, "adapter")["mark"], "warn");
 }
 
 #[test]

@@ -50,6 +50,58 @@ fn every_picture_is_as_expected() {
     );
 }
 
+/// Largest mean difference of colours, of 255, and median difference of depths, mm, between the
+/// processor's ray caster and a software adapter.
+const PROCESSOR_COLOR: f64 = 0.05;
+const PROCESSOR_DEPTH_MM: f32 = 0.01;
+
+/// Invariant: The processor's ray caster draws the golden images that it casts.
+#[test]
+fn every_golden_that_the_processor_casts_is_as_expected() {
+    let goldens = goldens();
+    let mut renderer = Renderer::on_processor();
+    let (mut cast, mut wrong) = (0, Vec::new());
+    for id in goldens.ids() {
+        let case = goldens.read(id).unwrap();
+        let phantom = common::phantom(case.recipe());
+        let scene = case.scene(&phantom.volume).unwrap();
+        if relief_render::left_by_processor(&phantom.volume, &scene.request).is_some() {
+            continue;
+        }
+        cast += 1;
+        let frame = renderer.render(&phantom.volume, &scene.request).unwrap();
+        for &aspect in case.aspects() {
+            let expected = case.expected(aspect).unwrap().expect("every golden is there");
+            let [mean, median_mm] =
+                differences(&expected.samples, &twin_picture(&scene, &frame, aspect).samples);
+            println!("{id} {}: {mean:.4} of 255, {median_mm} mm", aspect.name());
+            if mean > PROCESSOR_COLOR || median_mm > f64::from(PROCESSOR_DEPTH_MM) {
+                wrong.push(format!("{id} {}: {mean:.4} of 255, {median_mm} mm", aspect.name()));
+            }
+        }
+    }
+    assert!(cast >= 20, "{cast} goldens are too few to compare");
+    assert!(wrong.is_empty(), "{} of {cast} goldens:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// The mean difference of colours, or the median difference of depths that both have; the other is 0.
+fn differences(expected: &Samples, actual: &Samples) -> [f64; 2] {
+    match (expected, actual) {
+        (Samples::Color(expected), Samples::Color(actual)) => {
+            let pairs = expected.as_flattened().iter().zip(actual.as_flattened());
+            let sum: f64 = pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+            [sum / expected.as_flattened().len() as f64, 0.0]
+        }
+        (Samples::DepthMm(expected), Samples::DepthMm(actual)) => {
+            let pairs = expected.iter().zip(actual).filter(|(a, b)| a.is_finite() && b.is_finite());
+            let mut apart: Vec<f32> = pairs.map(|(a, b)| (a - b).abs()).collect();
+            apart.sort_by(f32::total_cmp);
+            [0.0, apart.get(apart.len() / 2).copied().unwrap_or(0.0).into()]
+        }
+        _ => panic!("a picture and its golden have the same kind of samples"),
+    }
+}
+
 #[test]
 fn every_golden_agrees_with_the_f64_twin() {
     let goldens = goldens();

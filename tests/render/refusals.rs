@@ -9,7 +9,7 @@ use super::renderer;
 #[test]
 fn a_volume_over_the_adapters_limit_is_refused_with_the_limit_and_a_factor() {
     let Some(mut renderer) = renderer("a_volume_over_the_adapters_limit") else { return };
-    let limit = renderer.gpu().limits().texture_3d_side as usize;
+    let limit = renderer.gpu().expect("a graphics adapter").limits().texture_3d_side as usize;
     let grid = Grid::axis_aligned([limit * 2 + 1, 1, 1], [0.1, 1.0, 1.0], [0.0; 3]).unwrap();
     let volume = Volume::new(grid, vec![0; limit * 2 + 1]).unwrap();
     let scene = SceneFile::default().resolve(volume.grid(), &Orbit::default()).unwrap();

@@ -7,6 +7,8 @@ use crate::gpu::choice::AdapterChoice;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AdapterKind {
+    /// The processor's own ray caster.
+    Processor,
     /// A rasteriser on the CPU, such as lavapipe.
     Software,
     /// Something the driver does not classify.
@@ -49,6 +51,7 @@ impl AdapterDescription {
     fn matches(&self, choice: &AdapterChoice) -> bool {
         match choice {
             AdapterChoice::Best => true,
+            AdapterChoice::Processor => false,
             AdapterChoice::Software => self.kind == AdapterKind::Software,
             AdapterChoice::Named(part) => {
                 let part = part.to_lowercase();

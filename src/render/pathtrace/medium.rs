@@ -56,11 +56,11 @@ impl Medium {
 /// that has any.
 fn brick_bounds(volume: &VolumeOnGpu, table: &MediumTable) -> (Vec<f32>, [usize; 3]) {
     let largest = |low: i16, high: i16| table.largest_extinction(volume.stored(low), volume.stored(high));
-    let map = volume.bricks.distance_map(|low, high| largest(low, high) > 0.0);
+    let map = volume.bricks.coarse.distance_map(|low, high| largest(low, high) > 0.0);
     let bound = |(&distance, &(low, high)): (&u8, &(i16, i16))| match distance {
         0 => largest(low, high),
         distance => -f32::from(distance),
     };
-    let bounds = map.distances.iter().zip(volume.bricks.ranges_hu()).map(bound).collect();
+    let bounds = map.distances.iter().zip(volume.bricks.coarse.ranges_hu()).map(bound).collect();
     (bounds, map.dims)
 }

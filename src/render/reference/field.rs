@@ -19,8 +19,11 @@ pub(super) fn sample_hu(volume: &Volume, p: DVec3) -> f64 {
     along_y(low[2]) * (1.0 - f.z) + along_y(high[2]) * f.z
 }
 
-/// Central differences over one voxel to both sides: HU per two voxels, along i, j, k.
+/// Central differences over one voxel to both sides: HU per two voxels, along i, j, k. Beyond the
+/// outermost voxel centres they are those of the nearest point between them.
 pub(super) fn central_differences(volume: &Volume, p: DVec3) -> DVec3 {
+    let last = DVec3::from(volume.grid().dims().map(|n| (n - 1) as f64));
+    let p = p.clamp(DVec3::ZERO, last);
     let along = |axis: DVec3| sample_hu(volume, p + axis) - sample_hu(volume, p - axis);
     DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
 }

@@ -110,7 +110,7 @@ pub fn measure_capacity(
     frames: usize,
     base_mib: Option<f64>,
 ) -> anyhow::Result<CapacityMeasurement, StudyError> {
-    let description = renderer.gpu().description().clone();
+    let description = renderer.adapter().clone();
     let cores = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
     let service = RenderService::start(renderer, QueueConfig { recent_bytes: 0, ..QueueConfig::default() })?;
     let bench = Bench { service: &service, volume, scene, cores };

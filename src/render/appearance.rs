@@ -1,0 +1,138 @@
+//! What both back ends derive from a volume and the look of a request before rays are cast: which
+//! bricks may show something, and when two requests look alike.
+//!
+//! Spaces: bricks (brick index), voxel index, HU.
+
+use std::sync::Arc;
+
+use super::classification::Classification;
+use super::labels::Labels;
+use super::mode::Mode;
+use super::request::RenderRequest;
+use super::surface::Surface;
+use super::tables::{TableSet, Tables};
+use super::volume_plan::VolumePlan;
+use relief_base::{Patient, Point, Voxel};
+use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, TransferFunction, Volume};
+
+/// The parts of a request, and the volume, that decide tables and empty space.
+pub(super) struct AppearanceKey {
+    pub(super) volume: ContentHash,
+    transfer: TransferFunction,
+    sample_distance_mm: f64,
+    mode: Mode,
+    classification: Classification,
+    surfaces: Vec<Surface>,
+    labels: Option<Arc<Labels>>,
+}
+
+impl AppearanceKey {
+    pub(super) fn new(volume: ContentHash, request: &RenderRequest) -> Self {
+        Self {
+            volume,
+            transfer: request.transfer.clone(),
+            sample_distance_mm: request.sample_distance_mm,
+            mode: request.mode,
+            classification: request.classification,
+            surfaces: request.surfaces.clone(),
+            labels: request.labels.clone(),
+        }
+    }
+
+    /// Whether a request on a volume has this appearance.
+    pub(super) fn fits(&self, volume: ContentHash, request: &RenderRequest) -> bool {
+        self.volume == volume
+            && self.mode == request.mode
+            && self.classification == request.classification
+            && self.surfaces == request.surfaces
+            && self.sample_distance_mm == request.sample_distance_mm
+            && self.transfer == request.transfer
+            && self.labels == request.labels
+    }
+}
+
+/// The ranges of a volume's bricks.
+pub(super) struct VolumeBricks {
+    pub(super) coarse: BrickRanges,
+    /// Smaller bricks for a small volume, only for composite pictures of sampled values: other ways
+    /// of skipping need bricks that are longer than their steps.
+    fine: Option<BrickRanges>,
+}
+
+impl VolumeBricks {
+    /// The bricks of a volume as planned for its dimensions.
+    pub(super) fn new(volume: &Volume, plan: &VolumePlan) -> Self {
+        let has_fine = plan.fine_brick_edge != plan.brick_edge;
+        let fine = has_fine.then(|| BrickRanges::new(volume, plan.fine_brick_edge));
+        Self { coarse: BrickRanges::new(volume, plan.brick_edge), fine }
+    }
+
+    /// Bytes of the ranges.
+    pub(super) fn bytes(&self) -> u64 {
+        let ranges = |bricks: &BrickRanges| size_of_val(bricks.ranges_hu());
+        (ranges(&self.coarse) + self.fine.as_ref().map_or(0, ranges)) as u64
+    }
+
+    /// Distances to bricks that may change the picture. `segments` is what occurs in the bricks of
+    /// the request's label map, if it has one; `stored` the value that rays read for an HU.
+    pub(super) fn distance_map(
+        &self,
+        segments: Option<&BrickLabels>,
+        request: &RenderRequest,
+        tables: &Tables,
+        stored: impl Fn(i16) -> f32 + Sync,
+    ) -> DistanceMap {
+        let Some(segments) = segments else {
+            let shows = |low, high| tables.is_of_interest(request, stored(low), stored(high));
+            let is_plain =
+                request.mode == Mode::Composite && request.classification == Classification::Sampled;
+            let fine = self.fine.as_ref().filter(|_| is_plain);
+            return fine.unwrap_or(&self.coarse).distance_map(shows);
+        };
+        let sets: Vec<TableSet> = segments.sets().iter().map(|places| tables.set_of(places)).collect();
+        self.coarse.distance_map_by(|brick, low, high| {
+            let set = sets[segments.of_brick()[brick] as usize];
+            tables.is_of_interest_in(request, set, stored(low), stored(high))
+        })
+    }
+}
+
+/// How bricks tile a volume, and where those lie that may show something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VisibleBricks {
+    /// Edge of a brick in voxels.
+    pub(super) edge: usize,
+    /// Bricks along i, j, k.
+    pub(super) dims: [usize; 3],
+    /// The first and the last brick along each axis; none where nothing shows.
+    bounds: Option<[[usize; 3]; 2]>,
+    /// Bricks beside its own that a sample reaches into: a pre-integrated one's path does.
+    reach: usize,
+}
+
+impl VisibleBricks {
+    pub(super) fn new(map: &DistanceMap, request: &RenderRequest) -> Self {
+        let reach = usize::from(request.classification == Classification::PreIntegrated);
+        Self { edge: map.edge, dims: map.dims, bounds: map.visible_bounds(), reach }
+    }
+
+    /// The corners of a box about all that may be visible; none where nothing is.
+    pub(super) fn corners(&self, grid: &Grid) -> Option<[Point<Patient>; 8]> {
+        let Self { edge, dims, reach, .. } = *self;
+        self.bounds.map(|[first, last]| {
+            std::array::from_fn(|corner| {
+                let at = |axis: usize| {
+                    let (low, high) = (first[axis].saturating_sub(reach), last[axis] + reach + 1);
+                    // The outermost bricks take in the outer halves of the outermost voxels.
+                    match corner >> axis & 1 {
+                        0 if low == 0 => -0.5,
+                        0 => (low * edge) as f64,
+                        _ if high >= dims[axis] => grid.dims()[axis] as f64 - 0.5,
+                        _ => (high * edge) as f64,
+                    }
+                };
+                grid.patient_from_voxel() * Point::<Voxel>::new(at(0), at(1), at(2))
+            })
+        })
+    }
+}

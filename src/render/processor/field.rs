@@ -1,0 +1,176 @@
+//! Values and gradients of a volume; as `shaders/lib/volume.wgsl`.
+//!
+//! Spaces: voxel index in; HU out, and HU/mm along the patient axes. Values are trilinear between
+//! voxel centres and clamp outside the outermost ones. Nothing is prepared: voxels are read where
+//! the volume has them.
+
+use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
+
+use crate::gradients::patient_from_voxel_gradient;
+use relief_volume::Volume;
+
+/// The voxels of a volume.
+pub(super) struct Field<'a, L: Lanes> {
+    lanes: L,
+    voxels_hu: &'a [i16],
+    strides: [i32; 2],
+    /// The last voxel along each axis.
+    last: Triple<L::Real>,
+    /// The last voxel that has one behind it.
+    last_base: Triple<L::Real>,
+    patient_from_voxel_gradient: [Triple<L::Real>; 3],
+}
+
+/// A cell of eight voxels, and where in it a point lies, 0..1.
+struct Cell<L: Lanes> {
+    base: Triple<L::Real>,
+    share: Triple<L::Real>,
+    at: L::Index,
+}
+
+/// Whether a volume can be read: cells have two voxels along each axis, and places 31 bits.
+pub(super) fn can_read(dims: [usize; 3]) -> bool {
+    let voxels = dims.iter().try_fold(1usize, |product, &side| product.checked_mul(side));
+    dims.iter().all(|&side| side >= 2) && voxels.is_some_and(|voxels| i32::try_from(voxels).is_ok())
+}
+
+impl<'a, L: Lanes> Field<'a, L> {
+    #[inline(always)]
+    pub(super) fn new(lanes: L, volume: &'a Volume) -> Self {
+        let [nx, ny, nz] = volume.grid().dims();
+        let behind = |voxels: usize| Triple([nx, ny, nz].map(|side| lanes.splat((side - voxels) as f64)));
+        let columns = patient_from_voxel_gradient(volume.grid()).to_cols_array_2d();
+        Self {
+            lanes,
+            voxels_hu: volume.voxels_hu(),
+            strides: [nx as i32, (nx * ny) as i32],
+            last: behind(1),
+            last_base: behind(2),
+            patient_from_voxel_gradient: columns.map(|column| Triple(column.map(|x| lanes.splat(x)))),
+        }
+    }
+
+    /// The middle of the volume.
+    #[inline(always)]
+    pub(super) fn middle(&self) -> Triple<L::Real> {
+        self.last.scaled(self.lanes.splat(0.5))
+    }
+
+    #[inline(always)]
+    fn cell(&self, p: Triple<L::Real>) -> Cell<L> {
+        let p = p.max(Triple::of(self.lanes.splat(0.0))).min(self.last);
+        let base = p.floor().min(self.last_base);
+        Cell { base, share: p.minus(base), at: self.lanes.places(base, self.strides) }
+    }
+
+    /// HU at these positions.
+    #[inline(always)]
+    pub(super) fn hu(&self, p: Triple<L::Real>) -> L::Real {
+        let Cell { share: Triple([x, y, z]), at, .. } = self.cell(p);
+        let [row, layer] = self.strides;
+        let rows = [0, row, layer, layer + row];
+        let [near_low, near_high, far_low, far_high] = self.lanes.short_pairs(self.voxels_hu, at, rows);
+        let near = between(near_low, x).lerp(between(near_high, x), y);
+        near.lerp(between(far_low, x).lerp(between(far_high, x), y), z)
+    }
+
+    /// Gradients at these positions: central differences over one voxel to both sides, HU/mm along
+    /// the patient axes.
+    #[inline(always)]
+    pub(super) fn gradient(&self, p: Triple<L::Real>) -> Triple<L::Real> {
+        let cell = self.cell(p);
+        let one = self.lanes.splat(1.0);
+        let (least, room) = (cell.base.least(), self.last_base.minus(cell.base).least());
+        let differences = if least.min(room).lt(one).any() {
+            self.differences_at_edge(&cell)
+        } else {
+            self.differences(&cell)
+        };
+        Triple::of_columns(self.patient_from_voxel_gradient, differences)
+    }
+
+    /// HU per two voxels along each axis in cells that have neighbours on all sides: twelve rows of
+    /// voxels.
+    #[inline(always)]
+    fn differences(&self, &Cell { share, at, .. }: &Cell<L>) -> Triple<L::Real> {
+        let [row, layer] = self.strides;
+        let [a, b, c, d, e, f, g, h] = self.lanes.short_pairs(
+            self.voxels_hu,
+            at,
+            [-1, 1, row - 1, row + 1, layer - 1, layer + 1, layer + row - 1, layer + row + 1],
+        );
+        let [p, q, r, s, t, u, v, w] = self.lanes.short_pairs(
+            self.voxels_hu,
+            at,
+            [-row, 2 * row, layer - row, layer + 2 * row, -layer, row - layer, 2 * layer, 2 * layer + row],
+        );
+        let inner = [[quad(a, b), quad(c, d)], [quad(e, f), quad(g, h)]];
+        blended(share, inner, [[p, q], [r, s]], [[t, u], [v, w]])
+    }
+
+    /// The same in any cell: neighbours that are missing are the outermost voxels themselves.
+    #[inline(always)]
+    fn differences_at_edge(&self, cell: &Cell<L>) -> Triple<L::Real> {
+        let quad = |y: i32, z: i32| {
+            [
+                self.voxel(cell, [-1, y, z]),
+                self.voxel(cell, [0, y, z]),
+                self.voxel(cell, [1, y, z]),
+                self.voxel(cell, [2, y, z]),
+            ]
+        };
+        let pair = |y: i32, z: i32| [self.voxel(cell, [0, y, z]), self.voxel(cell, [1, y, z])];
+        let inner = [[quad(0, 0), quad(1, 0)], [quad(0, 1), quad(1, 1)]];
+        let y_outer = [[pair(-1, 0), pair(2, 0)], [pair(-1, 1), pair(2, 1)]];
+        let z_outer = [[pair(0, -1), pair(1, -1)], [pair(0, 2), pair(1, 2)]];
+        blended(cell.share, inner, y_outer, z_outer)
+    }
+
+    /// The voxel at so many steps from the base of a cell, or the outermost one on the way.
+    #[inline(always)]
+    fn voxel(&self, cell: &Cell<L>, [x, y, z]: [i32; 3]) -> L::Real {
+        let steps =
+            Triple([self.lanes.splat(x.into()), self.lanes.splat(y.into()), self.lanes.splat(z.into())]);
+        let at = cell.base.plus(steps).max(Triple::of(self.lanes.splat(0.0))).min(self.last);
+        self.lanes.shorts(self.voxels_hu, self.lanes.places(at, self.strides))
+    }
+}
+
+#[inline(always)]
+fn quad<R: Copy>([before, low]: [R; 2], [high, after]: [R; 2]) -> [R; 4] {
+    [before, low, high, after]
+}
+
+#[inline(always)]
+fn between<R: relief_lanes::Real>([low, high]: [R; 2], share: R) -> R {
+    low.lerp(high, share)
+}
+
+/// The middle of a row of four, and the difference over one voxel to both sides along it.
+#[inline(always)]
+fn middle_and_difference<R: relief_lanes::Real>([before, low, high, after]: [R; 4], x: R) -> [R; 2] {
+    [low.lerp(high, x), (high - before).lerp(after - low, x)]
+}
+
+/// Differences of voxels, trilinear within a cell. `inner` has the cell's four rows with a voxel more
+/// at both ends, by z and y; `y_outer` the rows beside them along y, by z; `z_outer` those along z, by
+/// y within.
+#[inline(always)]
+fn blended<R: relief_lanes::Real>(
+    Triple([x, y, z]): Triple<R>,
+    [[near_low, near_high], [far_low, far_high]]: [[[R; 4]; 2]; 2],
+    [[near_before, near_after], [far_before, far_after]]: [[[R; 2]; 2]; 2],
+    [[before_low, before_high], [after_low, after_high]]: [[[R; 2]; 2]; 2],
+) -> Triple<R> {
+    let [near_low, near_low_x] = middle_and_difference(near_low, x);
+    let [near_high, near_high_x] = middle_and_difference(near_high, x);
+    let [far_low, far_low_x] = middle_and_difference(far_low, x);
+    let [far_high, far_high_x] = middle_and_difference(far_high, x);
+    let along_x = near_low_x.lerp(near_high_x, y).lerp(far_low_x.lerp(far_high_x, y), z);
+    let near_y = (near_high - between(near_before, x)).lerp(between(near_after, x) - near_low, y);
+    let far_y = (far_high - between(far_before, x)).lerp(between(far_after, x) - far_low, y);
+    let (near, far) = (near_low.lerp(near_high, y), far_low.lerp(far_high, y));
+    let before = between(before_low, x).lerp(between(before_high, x), y);
+    let after = between(after_low, x).lerp(between(after_high, x), y);
+    Triple([along_x, near_y.lerp(far_y, z), (far - before).lerp(after - near, z)])
+}

@@ -1,0 +1,96 @@
+//! Empty space: from one sample of a ray to the next that may show something; as
+//! `shaders/lib/walk.wgsl`.
+//!
+//! Spaces: bricks, and sample numbers. Whole numbers of samples are skipped, so that those that are
+//! taken lie where they would without skipping.
+
+use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
+
+use super::ray::Rays;
+use relief_volume::DistanceMap;
+
+/// A ray that moves less than this many voxels a sample along an axis never leaves a brick through
+/// that axis' faces.
+const STILL: f64 = 1e-7;
+/// Skips end this much before the face, in samples, so that rounding never takes them beyond it.
+const BEFORE_FACE: f64 = 0.01;
+/// Further than any ray has samples.
+const NEVER: f64 = 1e6;
+
+/// The bricks of a volume, and which of them may show something.
+pub(super) struct Bricks<'a, L: Lanes> {
+    lanes: L,
+    /// `None` where every sample is taken.
+    map: Option<&'a DistanceMap>,
+    per_voxel: L::Real,
+    last: Triple<L::Real>,
+    /// Bricks of a row and of a layer.
+    strides: [L::Real; 2],
+}
+
+/// What is linear in the sample's number about rays and bricks.
+pub(super) struct Walk<L: Lanes> {
+    brick: Triple<L::Real>,
+    brick_step: Triple<L::Real>,
+    /// Rays leave the cube of bricks nearer than d to brick b at sample
+    /// `b * per_brick + d * per_distance + constant`.
+    per_brick: Triple<L::Real>,
+    per_distance: Triple<L::Real>,
+    constant: Triple<L::Real>,
+}
+
+impl<'a, L: Lanes> Bricks<'a, L> {
+    #[inline(always)]
+    pub(super) fn new(lanes: L, map: &'a DistanceMap, skips: bool) -> Self {
+        let [nx, ny, nz] = map.dims;
+        Self {
+            lanes,
+            map: skips.then_some(map),
+            per_voxel: lanes.splat(1.0 / map.edge as f64),
+            last: Triple([nx, ny, nz].map(|side| lanes.splat((side - 1) as f64))),
+            strides: [lanes.splat(nx as f64), lanes.splat((nx * ny) as f64)],
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn walk(&self, rays: &Rays<L>) -> Walk<L> {
+        let (zero, one) = (Triple::of(self.lanes.splat(0.0)), Triple::of(self.lanes.splat(1.0)));
+        let [first_voxel, sample_voxels] = rays.line();
+        let brick = first_voxel.scaled(self.per_voxel);
+        let brick_step = sample_voxels.scaled(self.per_voxel);
+        let is_still = sample_voxels.abs().lt(Triple::of(self.lanes.splat(STILL)));
+        let per_brick = zero.or_where_not(is_still, one.over(one.or_where_not(is_still, brick_step)));
+        let forward = zero.lt(brick_step);
+        let per_distance = per_brick.or_where_not(forward, zero.minus(per_brick));
+        let face = zero.or_where_not(forward, per_brick);
+        let never = Triple::of(self.lanes.splat(NEVER));
+        let constant = never
+            .or_where_not(is_still, face.minus(brick.times(per_brick)))
+            .minus(Triple::of(self.lanes.splat(BEFORE_FACE)));
+        Walk { brick, brick_step, per_brick, per_distance, constant }
+    }
+
+    /// The first samples from k on that are not certain to be invisible: k where its brick may show
+    /// something.
+    #[inline(always)]
+    pub(super) fn next_sample(&self, walk: &Walk<L>, k: L::Real) -> L::Real {
+        let Some(map) = self.map else { return k };
+        let number = |x: f64| self.lanes.splat(x);
+        let brick = walk.brick.plus_times(walk.brick_step, k);
+        let brick = brick.floor().max(Triple::of(number(0.0))).min(self.last);
+        let (Triple([x, y, z]), [row, layer]) = (brick, self.strides);
+        // Exact: there are at most 2^24 bricks.
+        let at = self.lanes.place(x + y * row + z * layer);
+        let distance = self.lanes.bytes(&map.distances, at);
+        let leave = brick.times(walk.per_brick).plus_times(walk.per_distance, distance).plus(walk.constant);
+        let next = leave.least().min(number(NEVER)).ceil().max(k + number(1.0));
+        k.or_where_not(distance.lt(number(0.5)), next)
+    }
+
+    /// Whether any of the chosen lanes would skip samples.
+    #[inline(always)]
+    pub(super) fn skipping(k: L::Real, next: L::Real, chosen: L::Mask) -> Option<L::Mask> {
+        let skips = chosen & k.lt(next);
+        skips.any().then_some(skips)
+    }
+}
