@@ -31,7 +31,7 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 pub trait Lanes: Copy {
     /// Lanes of a vector.
     const COUNT: usize;
-    /// What one lane holds.
+    /// The number type of one lane.
     type Scalar: Copy + Into<f64> + Add<Output = Self::Scalar>;
     /// A vector of numbers.
     type Real: Real<Scalar = Self::Scalar, Mask = Self::Mask>;
@@ -48,7 +48,7 @@ pub trait Lanes: Copy {
     fn by_lane(self, number: impl FnMut(usize) -> f64) -> Self::Real;
     /// Reads the first lanes of a slice, which has at least as many numbers.
     fn load(self, numbers: &[Self::Scalar]) -> Self::Real;
-    /// For each lane the number that its place says; places are below eight.
+    /// For each lane the number at its place; places are below eight.
     fn chosen(self, numbers: &[Self::Scalar; 8], places: &[u8]) -> Self::Real;
     /// True in the lanes before the given number.
     fn first(self, count: usize) -> Self::Mask;
@@ -77,8 +77,7 @@ pub trait Lanes: Copy {
     /// The first three numbers of the entries at these places, and of the entries behind them.
     fn color_pairs(self, colors: &[[f32; 4]], at: Self::Index) -> [Triple<Self::Real>; 2];
 
-    /// Moves the lanes that are chosen to the front, in their order; what is behind them has no
-    /// meaning.
+    /// Moves the chosen lanes to the front, in their order. The lanes behind them are undefined.
     fn gathered(self, numbers: Self::Real, chosen: Self::Mask) -> Self::Real;
 }
 
@@ -86,7 +85,7 @@ pub trait Lanes: Copy {
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What one lane holds.
+    /// The number type of one lane.
     type Scalar: Copy;
     /// The outcome of a comparison.
     type Mask: Mask;
@@ -155,7 +154,7 @@ pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output
 
 /// Code that runs in any width. An implementation is marked `#[inline(always)]`.
 pub trait Kernel {
-    /// What it gives back.
+    /// The result.
     type Output;
     /// Runs it in a width.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;

@@ -50,14 +50,14 @@ impl<R: Real> Triple<R> {
         Self([x.floor(), y.floor(), z.floor()])
     }
 
-    /// So many times this.
+    /// A multiple of this.
     #[inline(always)]
     #[must_use]
     pub fn scaled(self, factor: R) -> Self {
         self.times(Self::of(factor))
     }
 
-    /// This, and another so many times.
+    /// This plus a multiple of another.
     #[inline(always)]
     #[must_use]
     pub fn plus_times(self, other: Self, factor: R) -> Self {
@@ -118,7 +118,7 @@ impl<R: Real> Triple<R> {
         x + y + z
     }
 
-    /// The sum of three columns, so many times each.
+    /// A matrix, given by its columns, times a triple.
     #[inline(always)]
     #[must_use]
     pub fn of_columns([a, b, c]: [Self; 3], Self([x, y, z]): Self) -> Self {

@@ -1,7 +1,7 @@
 //! Samples of rays blended front to back; as `shaders/raycast.wgsl` in mode composite.
 //!
-//! Opacities are blended at once, because they end rays. Colours need gradients, which are dear:
-//! visible samples are collected and lit later, as many at a time as there are lanes.
+//! Opacities are blended at once, because they end rays. Colours need gradients, which are slow:
+//! visible samples are collected, and a full vector of them is lit at a time.
 
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
@@ -132,7 +132,7 @@ impl<L: Lanes> Scene<'_, L> {
     fn light_pending(&self, pending: &mut Pending<L>) {
         let ([x, y, z, hu, weight], direction) = pending.front();
         let rgb = self.colors.rgb(hu);
-        // Lanes without a sample get one whose neighbours are quickly read.
+        // Lanes without a sample read the middle of the volume: cells at its edges are slow.
         let is_sample = self.lanes.first(pending.len);
         let p = Triple([x, y, z]).or_where_not([is_sample; 3], self.field.middle());
         let lit = if self.light.needs_gradient {

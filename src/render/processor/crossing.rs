@@ -9,8 +9,9 @@ use super::composite::{Gathered, OPAQUE, Scene};
 use super::ray::Rays;
 use super::walk::{Bricks, Walk};
 
-/// The neighbourhood of a crossing is divided by this, so many times.
+/// Parts into which each level divides the neighbourhood of a crossing.
 const PARTS: usize = 4;
+/// Levels of parts.
 const LEVELS: usize = 3;
 /// Halvings of the interval in which a ray becomes visible.
 const BISECTIONS: usize = 12;

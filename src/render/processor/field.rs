@@ -126,7 +126,8 @@ impl<'a, L: Lanes> Field<'a, L> {
         blended(cell.share, inner, y_outer, z_outer)
     }
 
-    /// The voxel at so many steps from the base of a cell, or the outermost one on the way.
+    /// The voxel at a number of steps from the base of a cell along each axis, or the outermost one on
+    /// the way.
     #[inline(always)]
     fn voxel(&self, cell: &Cell<L>, [x, y, z]: [i32; 3]) -> L::Real {
         let steps =

@@ -1,9 +1,8 @@
 //! The renderer on the processor: rays are cast by vector instructions, without any graphics driver.
 //!
-//! It casts what is asked for most, [`left_by_processor`] says what it leaves to a graphics
-//! adapter. Its functions have the names of those of the shaders, which see for the formulas. They
-//! are generic over their lanes: eight of 32 bits make pictures, one of 64 bits is compared with
-//! `reference` in tests.
+//! It casts composite pictures; [`left_by_processor`] names the part of a request that it leaves to
+//! a graphics adapter. Its functions follow the shaders and have their names. They are generic over
+//! lanes: eight of 32 bits render pictures, and tests compare one of 64 bits with `reference`.
 //!
 //! Spaces: see each module. Nothing of a volume is copied; only ranges of its bricks are kept.
 

@@ -15,7 +15,7 @@ use relief_volume::{Grid, Projection};
 const ON_FACE: f64 = 1e-3;
 /// A ray along a face never meets the box of voxel centres, or only this far away, mm.
 const FAR_OFF: f64 = 1e4;
-/// A slope of a ray against a clip plane that counts as none.
+/// A ray whose slope against a clip plane is below this runs along it.
 const ALONG_PLANE: f64 = 1e-12;
 /// An interval without any distance: its start, and minus its end, mm.
 const NOWHERE_MM: f64 = 1e30;
