@@ -148,12 +148,12 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let audit = arguments.identity.audit()?;
     let backend = arguments.adapter.open_backend()?;
     let limits = backend.renderer().volume_limits();
-    let adapter = backend.renderer().adapter().to_string();
+    let (adapter, identity) = (backend.renderer().adapter().to_string(), backend.renderer().identity());
     let backend = backend.with_faults(faults::of_device(&arguments.faults));
     faults::begin_clock(&arguments.faults);
     let queue = QueueConfig { capacity: arguments.queue.into(), ..QueueConfig::default() };
     let service = Arc::new(RenderService::start(backend, queue)?);
-    let config = config(arguments, &adapter, admission)?;
+    let config = config(arguments, adapter, &identity, admission)?;
     let names = config.allowed_hosts.as_ref().map(|hosts| hosts.names.clone()).unwrap_or_default();
     let tls = arguments.identity.tls(&names)?;
     let readers = Readers::new(arguments.isolation, config.uploads.is_some(), limits)?;
@@ -265,7 +265,12 @@ fn bound(address: SocketAddr) -> std::io::Result<TcpSocket> {
     Ok(socket)
 }
 
-fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> anyhow::Result<Config> {
+fn config(
+    arguments: &ServeArguments,
+    adapter: String,
+    identity: &str,
+    admission: Admission,
+) -> anyhow::Result<Config> {
     let loopback = arguments.listen.ip().is_loopback();
     let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
     let hosts = own.into_iter().chain([host_of(arguments.listen.ip())]).chain(arguments.allow_host.clone());
@@ -282,8 +287,8 @@ fn config(arguments: &ServeArguments, adapter: &str, admission: Admission) -> an
         ..LiveConfig::default()
     };
     Ok(Config {
-        identity: format!("{} {adapter}", build()),
-        adapter: adapter.to_owned(),
+        identity: format!("{} {identity}", build()),
+        adapter,
         admission,
         requests_per_caller: (usize::from(arguments.queue) / 2).max(4),
         allowed_hosts: Some(hosts),

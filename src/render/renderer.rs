@@ -68,8 +68,8 @@ impl Renderer {
         })
     }
 
-    /// A renderer on the processor, which needs no graphics driver. What it does not cast falls to
-    /// the best graphics adapter, where there is one.
+    /// A renderer on the processor, which needs no graphics driver. Other requests fall to the best
+    /// graphics adapter, where there is one.
     #[must_use]
     pub fn on_processor() -> Self {
         let processor = Processor::new();
@@ -92,6 +92,18 @@ impl Renderer {
             (Some(gpu), Some(_)) => gpu.gpu().description(),
             _ => &self.adapter,
         }
+    }
+
+    /// What decides the bytes of pictures beside the build and the request: renderers of one identity
+    /// make equal pictures. The number of threads and the vector instructions of a processor are not
+    /// part of it; the graphics adapters that it leaves something to are.
+    #[must_use]
+    pub fn identity(&self) -> String {
+        if self.processor.is_none() {
+            return self.adapter.to_string();
+        }
+        let others: Vec<String> = adapters().iter().map(ToString::to_string).collect();
+        format!("processor; {}", others.join("; "))
     }
 
     /// The part of the last picture's request that the processor left to a graphics adapter, such as
