@@ -21,7 +21,8 @@ use relief_volume::{TransferFunction, Volume};
 /// Measure frame times and samples per second of a scene.
 ///
 /// Each frame turns the camera about the up axis, so that nothing is reused; times include
-/// read-back. The share compares the samples per second with the driver's filtering rate.
+/// read-back. On a graphics adapter, the share compares the samples per second with the driver's
+/// filtering rate.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -69,10 +70,9 @@ struct BenchReport {
     median_ms: f64,
     min_ms: f64,
     overlay_ms: f64,
-    samples_per_frame: u64,
-    samples_per_s: f64,
-    driver_samples_per_s: f64,
-    share: f64,
+    /// `None` where the processor's own ray caster renders: it has no driver, and counts nothing.
+    #[serde(flatten)]
+    samples: Option<SampleRates>,
     load_ms: f64,
     upload_ms: f64,
     first_frame_ms: f64,
@@ -177,10 +177,11 @@ impl Bench<'_> {
         times.sort_by(f64::total_cmp);
         overlay_times.sort_by(f64::total_cmp);
         let [median_ms, overlay_ms] = [&times, &overlay_times].map(|sorted| sorted[sorted.len() / 2]);
-        let samples_per_frame = self.samples_per_frame(request, turntable)?;
-        let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
+        let samples = match self.renderer.gpu() {
+            Some(_) => Some(self.sample_rates(request, turntable, median_ms)?),
+            None => None,
+        };
         let (transfer_change_ms, clip_change_ms) = self.changes(request)?;
-        let driver_samples_per_s = self.renderer.sampling_rate(self.volume)?;
         let adapter = self.renderer.adapter();
         Ok(BenchReport {
             adapter: adapter.name.clone(),
@@ -190,10 +191,7 @@ impl Bench<'_> {
             median_ms,
             min_ms: times[0],
             overlay_ms,
-            samples_per_frame,
-            samples_per_s,
-            driver_samples_per_s,
-            share: samples_per_s / driver_samples_per_s,
+            samples,
             load_ms,
             upload_ms: first.timings.upload_ms,
             first_frame_ms,
@@ -209,13 +207,22 @@ impl Bench<'_> {
     }
 
     /// Counted apart, so that counting costs no time, and in a few frames of many.
-    fn samples_per_frame(&mut self, request: &RenderRequest, turntable: Turntable) -> anyhow::Result<u64> {
+    fn sample_rates(
+        &mut self,
+        request: &RenderRequest,
+        turntable: Turntable,
+        median_ms: f64,
+    ) -> anyhow::Result<SampleRates> {
         let frames = turntable.frames.min(COUNTED_FRAMES);
         let mut samples = 0;
         for request in (Turntable { frames, ..turntable }).measured(request) {
             samples += self.renderer.count_samples(self.volume, &request, self.skipping)?;
         }
-        Ok(samples / u64::from(frames))
+        let samples_per_frame = samples / u64::from(frames);
+        let samples_per_s = samples_per_frame as f64 / (median_ms / 1e3);
+        let driver_samples_per_s = self.renderer.sampling_rate(self.volume)?;
+        let share = samples_per_s / driver_samples_per_s;
+        Ok(SampleRates { samples_per_frame, samples_per_s, driver_samples_per_s, share })
     }
 
     /// Preparation, in ms, of another transfer function and of another clip plane: medians of a
@@ -242,6 +249,16 @@ impl Bench<'_> {
     }
 }
 
+/// Volume samples of a graphics adapter.
+#[derive(Debug, serde::Serialize)]
+struct SampleRates {
+    samples_per_frame: u64,
+    samples_per_s: f64,
+    /// What the driver takes when it does nothing else.
+    driver_samples_per_s: f64,
+    share: f64,
+}
+
 /// Frames whose samples are counted.
 const COUNTED_FRAMES: u32 = 20;
 
@@ -261,13 +278,15 @@ fn print(report: &BenchReport) {
         1e3 / report.median_ms,
         report.min_ms
     );
-    say!(
-        "samples: {:.2} million per frame, {:.0} million/s, {:.0} % of the driver's {:.0} million/s",
-        report.samples_per_frame as f64 / 1e6,
-        report.samples_per_s / 1e6,
-        report.share * 100.0,
-        report.driver_samples_per_s / 1e6
-    );
+    if let Some(samples) = &report.samples {
+        say!(
+            "samples: {:.2} million per frame, {:.0} million/s, {:.0} % of the driver's {:.0} million/s",
+            samples.samples_per_frame as f64 / 1e6,
+            samples.samples_per_s / 1e6,
+            samples.share * 100.0,
+            samples.driver_samples_per_s / 1e6
+        );
+    }
     if let Some(growth) = report.rss_growth_mib {
         say!("memory grew by {growth:.2} MiB over these frames");
     }

@@ -8,5 +8,6 @@ mod labels;
 mod light;
 mod output;
 mod phantom;
+mod processor;
 mod slices;
 mod views;
