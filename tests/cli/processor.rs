@@ -66,7 +66,10 @@ fn what_the_processor_leaves_out_is_said() {
     let out = folder.path().join("mip.png").to_str().unwrap().to_owned();
     let scene = folder.path().join("mip.json").to_str().unwrap().to_owned();
     std::fs::write(&scene, r#"{ "mode": "mip" }"#).unwrap();
-    let render = ["render", "--series", &series, "--scene", &scene, "--size", "96x64", "--out", &out];
+    let render = [
+        "render", "--series", &series, "--scene", &scene, "--size", "96x64", "--layout", "color", "--out",
+        &out,
+    ];
     let refused = relief(&render, &NO_DRIVER);
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && !std::path::Path::new(&out).exists(), "{message}");
