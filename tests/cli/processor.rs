@@ -1,5 +1,5 @@
-//! Pictures without any graphics driver: what the processor's ray caster renders, what it leaves to
-//! an adapter, and how that is said.
+//! Pictures without any graphics driver: the processor's ray caster renders most of them, and names
+//! the part of a request that it leaves to a graphics adapter.
 //!
 //! Independent reference: a software adapter's picture of the same request.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]

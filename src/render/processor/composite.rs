@@ -127,7 +127,7 @@ impl<L: Lanes> Scene<'_, L> {
         }
     }
 
-    /// Lights the samples that wait, as many as there are lanes.
+    /// Lights the oldest pending samples, one in each lane.
     #[inline(always)]
     fn light_pending(&self, pending: &mut Pending<L>) {
         let ([x, y, z, hu, weight], direction) = pending.front();

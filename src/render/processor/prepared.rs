@@ -1,5 +1,5 @@
-//! What is kept of volumes and appearances between pictures: ranges of bricks, tables and maps of
-//! empty space. Voxels are not copied.
+//! The cache of the processor's ray caster: ranges of bricks of volumes, tables and maps of empty
+//! space of appearances. Voxels are not copied.
 
 use super::super::appearance::{AppearanceKey, VisibleBricks, VolumeBricks};
 use super::super::request::RenderRequest;
@@ -21,7 +21,7 @@ pub(super) struct Prepared {
     pub(super) bricks: VisibleBricks,
 }
 
-/// What is kept, least recently used first.
+/// Bricks of volumes and appearances, least recently used first.
 #[derive(Default)]
 pub(super) struct Cache {
     volumes: Vec<(ContentHash, VolumeBricks)>,
