@@ -4,7 +4,7 @@
 //! a graphics adapter. Its functions follow the shaders and have their names. They are generic over
 //! lanes: eight of 32 bits render pictures, and tests compare one of 64 bits with `reference`.
 //!
-//! Spaces: see each module. Nothing of a volume is copied; only ranges of its bricks are kept.
+//! Spaces: see each module. Voxels are read in place; the cache holds ranges of bricks.
 
 mod color;
 mod composite;
@@ -66,7 +66,8 @@ impl Processor {
         }
     }
 
-    /// What is kept, under a limit of bytes.
+    /// The size of the cache. `limit_bytes` is the limit of all volumes together; it is reported, and
+    /// the cache holds at most 16 volumes and 16 appearances.
     pub(super) fn memory(&self, limit_bytes: u64) -> MemoryUse {
         MemoryUse { limit_bytes, ..self.cache.memory() }
     }
@@ -127,12 +128,12 @@ impl Processor {
         self.bands = Bands::of_pixels(pixels);
     }
 
-    /// Forgets what is kept of a volume.
+    /// Drops a volume and its appearances from the cache.
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.cache.forget(volume);
     }
 
-    /// Forgets everything that is kept.
+    /// Empties the cache.
     pub(super) fn clear(&mut self) {
         self.cache.clear();
     }

@@ -8,7 +8,7 @@ use super::super::tables::Tables;
 use super::super::volume_plan::VolumePlan;
 use relief_volume::{ContentHash, DistanceMap, Volume};
 
-/// Most volumes and appearances that are kept.
+/// Most volumes, and most appearances, in the cache.
 const KEPT: usize = 16;
 
 /// The tables of an appearance, and the empty space of a volume under it.
@@ -72,7 +72,7 @@ impl Cache {
         (self.appearances.last().expect("just made"), true)
     }
 
-    /// What is kept; without a limit.
+    /// The size of the cache, without a limit of bytes.
     pub(super) fn memory(&self) -> MemoryUse {
         let ranges = |bricks: &VolumeBricks| bricks.bytes();
         let volumes: u64 = self.volumes.iter().map(|(_, bricks)| ranges(bricks)).sum();
@@ -81,13 +81,13 @@ impl Cache {
         MemoryUse { volumes: self.volumes.len(), used_bytes, uploads: self.made, ..MemoryUse::default() }
     }
 
-    /// Forgets a volume.
+    /// Drops a volume and its appearances.
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|(known, _)| *known != volume);
         self.appearances.retain(|known| known.key.volume != volume);
     }
 
-    /// Forgets everything.
+    /// Drops everything.
     pub(super) fn clear(&mut self) {
         (self.volumes, self.appearances) = (Vec::new(), Vec::new());
     }

@@ -28,7 +28,8 @@ pub(super) struct Bricks<'a, L: Lanes> {
     strides: [L::Real; 2],
 }
 
-/// What is linear in the sample's number about rays and bricks.
+/// The brick positions of rays, and the samples at which rays leave bricks, as linear functions of
+/// the sample's number.
 pub(super) struct Walk<L: Lanes> {
     brick: Triple<L::Real>,
     brick_step: Triple<L::Real>,
