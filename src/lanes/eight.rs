@@ -107,6 +107,10 @@ impl<S: Simd> Real for Eight<S> {
         Self(self.0.ceil())
     }
     #[inline(always)]
+    fn round(self) -> Self {
+        Self(self.0.round_ties_even())
+    }
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.sqrt())
     }
@@ -281,8 +285,8 @@ impl<S: Simd> Lanes for EightLanes<S> {
         Eight(f32x8::float_from(self.four_bytes(bytes, at) & 0xff))
     }
     #[inline(always)]
-    fn shorts(self, numbers: &[i16], at: i32x8<S>) -> Eight<S> {
-        Eight(f32x8::float_from(self.of_each(each!(at, |at| i32::from(numbers[at])))))
+    fn numbers<T: Copy + Into<f32>>(self, numbers: &[T], at: i32x8<S>) -> Eight<S> {
+        Eight(f32x8::load_array(self.0, each!(at, |at| numbers[at].into())))
     }
     #[inline(always)]
     fn short_pairs<const N: usize>(
@@ -319,7 +323,21 @@ impl<S: Simd> Lanes for EightLanes<S> {
         [self.colors(colors, at), self.colors(colors, at + 1)]
     }
     #[inline(always)]
+    fn entries(self, table: &[[f32; 4]], at: i32x8<S>) -> [Eight<S>; 4] {
+        let (numbers, at) = (table.as_flattened(), at * 4);
+        [
+            self.reals(numbers, at),
+            self.reals(numbers, at + 1),
+            self.reals(numbers, at + 2),
+            self.reals(numbers, at + 3),
+        ]
+    }
+    #[inline(always)]
     fn gathered(self, numbers: Eight<S>, chosen: EightMask<S>) -> Eight<S> {
         Eight(numbers.0.compress(chosen.0))
+    }
+    #[inline(always)]
+    fn apart<R>(self, run: impl FnOnce() -> R) -> R {
+        self.0.vectorize(run)
     }
 }

@@ -63,8 +63,8 @@ pub trait Lanes: Copy {
     /// # Panics
     /// When a place is outside; the other reads likewise.
     fn bytes(self, bytes: &[u8], at: Self::Index) -> Self::Real;
-    /// The numbers at these places.
-    fn shorts(self, numbers: &[i16], at: Self::Index) -> Self::Real;
+    /// The numbers at these places, read one after the other.
+    fn numbers<T: Copy + Into<f32>>(self, numbers: &[T], at: Self::Index) -> Self::Real;
     /// The numbers at distances from these places, and those behind them.
     fn short_pairs<const N: usize>(
         self,
@@ -76,9 +76,16 @@ pub trait Lanes: Copy {
     fn real_pairs(self, numbers: &[f32], at: Self::Index) -> [Self::Real; 2];
     /// The first three numbers of the entries at these places, and of the entries behind them.
     fn color_pairs(self, colors: &[[f32; 4]], at: Self::Index) -> [Triple<Self::Real>; 2];
+    /// The entries at these places.
+    fn entries(self, table: &[[f32; 4]], at: Self::Index) -> [Self::Real; 4];
 
     /// Moves the chosen lanes to the front, in their order. The lanes behind them are undefined.
     fn gathered(self, numbers: Self::Real, chosen: Self::Mask) -> Self::Real;
+
+    /// Runs code, out of line where the compiler finds that it pays, with the instructions of this
+    /// width: code that is long, or is called from several places. A closure is marked
+    /// `#[inline(always)]`.
+    fn apart<R>(self, run: impl FnOnce() -> R) -> R;
 }
 
 /// A number in each lane.
@@ -105,6 +112,9 @@ pub trait Real:
     /// The whole number at or above.
     #[must_use]
     fn ceil(self) -> Self;
+    /// The nearest whole number; of two, the even one.
+    #[must_use]
+    fn round(self) -> Self;
     /// The square root.
     #[must_use]
     fn sqrt(self) -> Self;

@@ -50,6 +50,9 @@ impl Real for One {
     fn ceil(self) -> Self {
         Self(self.0.ceil())
     }
+    fn round(self) -> Self {
+        Self(self.0.round_ties_even())
+    }
     fn sqrt(self) -> Self {
         Self(self.0.sqrt())
     }
@@ -118,8 +121,8 @@ impl Lanes for OneLane {
     fn bytes(self, bytes: &[u8], at: usize) -> One {
         One(bytes[at].into())
     }
-    fn shorts(self, numbers: &[i16], at: usize) -> One {
-        One(numbers[at].into())
+    fn numbers<T: Copy + Into<f32>>(self, numbers: &[T], at: usize) -> One {
+        One(numbers[at].into().into())
     }
     fn short_pairs<const N: usize>(self, numbers: &[i16], at: usize, distances: [i32; N]) -> [[One; 2]; N] {
         distances.map(|distance| {
@@ -133,7 +136,13 @@ impl Lanes for OneLane {
     fn color_pairs(self, colors: &[[f32; 4]], at: usize) -> [Triple<One>; 2] {
         [0, 1].map(|beside| Triple([0, 1, 2].map(|channel: usize| One(colors[at + beside][channel].into()))))
     }
+    fn entries(self, table: &[[f32; 4]], at: usize) -> [One; 4] {
+        table[at].map(|number| One(number.into()))
+    }
     fn gathered(self, numbers: One, _chosen: bool) -> One {
         numbers
+    }
+    fn apart<R>(self, run: impl FnOnce() -> R) -> R {
+        run()
     }
 }

@@ -118,6 +118,14 @@ impl<R: Real> Triple<R> {
         x + y + z
     }
 
+    /// The cross product.
+    #[inline(always)]
+    #[must_use]
+    pub fn cross(self, Self([u, v, w]): Self) -> Self {
+        let Self([x, y, z]) = self;
+        Self([y * w - z * v, z * u - x * w, x * v - y * u])
+    }
+
     /// A matrix, given by its columns, times a triple.
     #[inline(always)]
     #[must_use]
