@@ -218,9 +218,9 @@ impl Body {
         let cells = cells(volume, &grid);
         let tissue: Vec<bool> = cells.iter().map(|cell| cell.mean > TISSUE_HU).collect();
         let objects = grid.components(&tissue, false);
-        let largest = objects.iter().max_by_key(|object| object.cells.len())?;
+        let largest = objects.iter().max_by_key(|object| object.len())?;
         let mut is_body = vec![false; cells.len()];
-        largest.cells.iter().for_each(|&cell| is_body[cell as usize] = true);
+        largest.join(&mut is_body);
         let is_body = layers_filled(&grid, &is_body);
         Some(Self { grid, cells, is_body })
     }

@@ -18,12 +18,46 @@ pub(crate) struct CellGrid {
     pub(crate) edges: [usize; 3],
 }
 
+/// Cells of a row, one behind the other: the first, and the one behind the last.
+type Run = [u32; 2];
+
+/// A value from which on voxels count, and how many voxels of a cell one of them has to be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Level {
+    /// The lowest value, HU.
+    pub(crate) hu: i16,
+    /// One voxel in this many.
+    pub(crate) of_voxels: usize,
+}
+
 /// A component of a set.
 #[derive(Clone, Debug)]
 pub(crate) struct Component {
-    pub(crate) cells: Vec<u32>,
+    runs: Vec<Run>,
     /// First and last cell along each axis.
     pub(crate) bounds: [[usize; 3]; 2],
+}
+
+impl Component {
+    /// How many cells it has.
+    pub(crate) fn len(&self) -> usize {
+        self.runs.iter().map(|[start, end]| (end - start) as usize).sum()
+    }
+
+    /// Whether one of its cells is in a set.
+    pub(crate) fn meets(&self, set: &[bool]) -> bool {
+        self.runs.iter().any(|&[start, end]| set[start as usize..end as usize].contains(&true))
+    }
+
+    /// Puts all its cells into a set.
+    pub(crate) fn join(&self, set: &mut [bool]) {
+        self.runs.iter().for_each(|&[start, end]| set[start as usize..end as usize].fill(true));
+    }
+
+    /// Its cells, ascending.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = usize> {
+        self.runs.iter().flat_map(|&[start, end]| start as usize..end as usize)
+    }
 }
 
 impl CellGrid {
@@ -46,114 +80,154 @@ impl CellGrid {
         [cell % nx, cell / nx % ny, cell / (nx * ny)]
     }
 
-    /// The cells of which at least one voxel in `of_voxels` has a value from `hu` on.
-    pub(crate) fn at_least(&self, volume: &Volume, hu: i16, of_voxels: usize) -> Vec<bool> {
+    /// For each level the cells of which at least one voxel in `of_voxels` has a value from `hu` on.
+    pub(crate) fn at_least<const N: usize>(&self, volume: &Volume, levels: [Level; N]) -> [Vec<bool>; N] {
         let [nx, ny, _] = volume.grid().dims();
-        let least = self.edges.iter().product::<usize>().div_ceil(of_voxels) as u32;
-        let layer = |slab: &[i16]| {
-            let mut counts = vec![0u32; self.layer_cells()];
-            for (row, values) in slab.chunks_exact(nx).enumerate() {
-                let cells = &mut counts[row % ny / self.edges[1] * self.dims[0]..][..self.dims[0]];
-                for (count, run) in cells.iter_mut().zip(values.chunks(self.edges[0])) {
-                    *count += run.iter().map(|&value| u32::from(value >= hu)).sum::<u32>();
-                }
-            }
-            counts.into_iter().map(move |count| count >= least)
-        };
-        volume.voxels_hu().par_chunks(nx * ny * self.edges[2]).flat_map_iter(layer).collect()
-    }
-
-    /// Squared distance of each cell's middle to the nearest cell for which `is_in` holds, mm²,
-    /// exact up to `most_mm` and infinite or larger beyond.
-    pub(crate) fn squared_distances(&self, is_in: impl Fn(usize) -> bool + Sync, most_mm: f64) -> Vec<f32> {
-        let [nx, ny, nz] = self.dims;
-        let start = |cell: usize| if is_in(cell) { 0.0 } else { f32::INFINITY };
-        let mut along_i = vec![f32::INFINITY; nx * ny * nz];
-        along_i.par_chunks_exact_mut(nx).enumerate().for_each_init(
-            || vec![0.0; nx],
-            |values, (row, lowest)| {
-                values.iter_mut().enumerate().for_each(|(i, value)| *value = start(row * nx + i));
-                for by in 0..=((most_mm / self.spacing_mm[0]) as usize).min(nx - 1) {
-                    lower(lowest, &values[by..], 0, by, self.spacing_mm[0]);
-                    lower(&mut lowest[by..], values, 0, by, self.spacing_mm[0]);
-                }
-            },
-        );
-        let along_j: Vec<f32> = along_i
-            .par_chunks(self.layer_cells())
-            .flat_map_iter(|layer| {
-                lowered(nx, ny, most_mm, self.spacing_mm[1], |row| &layer[row * nx..(row + 1) * nx])
-            })
-            .collect();
-        let size = self.layer_cells();
-        let layers = (0..nz).into_par_iter().flat_map_iter(|k| {
-            let reach = (most_mm / self.spacing_mm[2]) as usize;
-            let (first, end) = (k.saturating_sub(reach), (k + reach + 1).min(nz));
-            let mut lowest = vec![f32::INFINITY; size];
-            for other in first..end {
-                lower(&mut lowest, &along_j[other * size..(other + 1) * size], k, other, self.spacing_mm[2]);
-            }
-            lowest
-        });
-        layers.collect()
-    }
-
-    /// The cells within `mm` of a set.
-    pub(crate) fn within(&self, set: &[bool], mm: f64) -> Vec<bool> {
-        let squared = (mm * mm) as f32;
-        self.squared_distances(|cell| set[cell], mm).into_iter().map(|distance| distance <= squared).collect()
-    }
-
-    /// The components of a set; cells touch by a face, or also by edges and corners.
-    pub(crate) fn components(&self, set: &[bool], by_corners: bool) -> Vec<Component> {
-        let mut is_left = set.to_vec();
-        let mut components = Vec::new();
-        for start in 0..is_left.len() {
-            if !std::mem::take(&mut is_left[start]) {
-                continue;
-            }
-            let (mut cells, mut next) = (vec![start as u32], 0);
-            let mut bounds = [self.place(start); 2];
-            while let Some(&cell) = cells.get(next) {
-                next += 1;
-                let at = self.place(cell as usize);
-                for axis in 0..3 {
-                    bounds[0][axis] = bounds[0][axis].min(at[axis]);
-                    bounds[1][axis] = bounds[1][axis].max(at[axis]);
-                }
-                self.for_each_beside(at, by_corners, |beside| {
-                    if std::mem::take(&mut is_left[beside]) {
-                        cells.push(beside as u32);
+        let least = levels.map(|level| self.edges.iter().product::<usize>().div_ceil(level.of_voxels) as u32);
+        let slab_voxels = nx * ny * self.edges[2];
+        // A bit for each level.
+        let mut found = vec![0u8; self.dims.iter().product()];
+        found.par_chunks_exact_mut(self.dims[0]).enumerate().for_each(|(row, cells)| {
+            let (first, slab) = (row % self.dims[1] * self.edges[1], row / self.dims[1]);
+            let slab = &volume.voxels_hu()[slab * slab_voxels..];
+            let slab = &slab[..slab.len().min(slab_voxels)];
+            // How many of each column's voxels count, so that rows are added whole.
+            let mut counts = [const { Vec::new() }; N];
+            counts.iter_mut().for_each(|counts| counts.resize(nx, 0u32));
+            for layer in slab.chunks_exact(nx * ny) {
+                for values in layer.chunks_exact(nx).skip(first).take(self.edges[1]) {
+                    for (counts, level) in counts.iter_mut().zip(levels) {
+                        let counted = values.iter().map(|&value| u32::from(value >= level.hu));
+                        counts.iter_mut().zip(counted).for_each(|(count, one)| *count += one);
                     }
-                });
+                }
             }
-            components.push(Component { cells, bounds });
+            for level in 0..N {
+                let counts = counts[level].chunks(self.edges[0]).map(|counts| counts.iter().sum::<u32>());
+                for (bits, count) in cells.iter_mut().zip(counts) {
+                    *bits |= u8::from(count >= least[level]) << level;
+                }
+            }
+        });
+        std::array::from_fn(|level| found.iter().map(|bits| bits >> level & 1 == 1).collect())
+    }
+
+    /// The cells within `mm` of a set, between middles of cells.
+    pub(crate) fn within(&self, set: &[bool], mm: f64) -> Vec<bool> {
+        self.grown(set, mm, |squared| squared <= (mm * mm) as f32)
+    }
+
+    /// The cells of a set that are farther than `mm` from all cells outside it.
+    pub(crate) fn deeper_than(&self, set: &[bool], mm: f64) -> Vec<bool> {
+        inverse(&self.within(&inverse(set), mm))
+    }
+
+    /// The cells of a set that are at least `mm` from all cells outside it.
+    pub(crate) fn at_least_deep(&self, set: &[bool], mm: f64) -> Vec<bool> {
+        inverse(&self.grown(&inverse(set), mm, |squared| squared < (mm * mm) as f32))
+    }
+
+    /// The cells at squared distances, mm², for which `is_near` holds from a set; they are at most
+    /// `most_mm` long. Rows of the set are widened along i, and joined along j and k.
+    fn grown(&self, set: &[bool], most_mm: f64, is_near: impl Fn(f32) -> bool) -> Vec<bool> {
+        let [nx, ny, nz] = self.dims;
+        let reach: [usize; 3] = self.spacing_mm.map(|side_mm| (most_mm / side_mm) as usize);
+        let squared = |axis: usize, by: usize| (by as f64 * self.spacing_mm[axis]).powi(2) as f32;
+        // How far rows at this distance along j and k reach along i.
+        let width = |j: usize, k: usize| {
+            (0..=reach[0]).rev().find(|&i| is_near(squared(0, i) + squared(1, j) + squared(2, k)))
+        };
+        let near = |j: usize| (0..=reach[2]).map(move |k| [j, k]);
+        let rows = (0..=reach[1]).flat_map(near);
+        let rows: Vec<_> = rows.filter_map(|[j, k]| width(j, k).map(|width| (width, [j, k]))).collect();
+        let mut widened = vec![Vec::new(); reach[0] + 1];
+        for &(width, _) in &rows {
+            if widened[width].is_empty() {
+                widened[width] = self.widened(set, width);
+            }
+        }
+        let mut grown = vec![false; set.len()];
+        grown.par_chunks_exact_mut(nx).enumerate().for_each(|(row, out)| {
+            let (j, k) = (row % ny, row / ny);
+            for &(width, by) in &rows {
+                for j in beside(j, by[0], ny) {
+                    for k in beside(k, by[1], nz) {
+                        let from = &widened[width][(k * ny + j) * nx..][..nx];
+                        out.iter_mut().zip(from).for_each(|(out, from)| *out |= from);
+                    }
+                }
+            }
+        });
+        grown
+    }
+
+    /// The cells at most `by` cells along i from a set.
+    fn widened(&self, set: &[bool], by: usize) -> Vec<bool> {
+        let nx = self.dims[0];
+        let mut wide = set.to_vec();
+        wide.par_chunks_exact_mut(nx).zip(set.par_chunks_exact(nx)).for_each(|(out, row)| {
+            for by in 1..=by.min(nx - 1) {
+                out.iter_mut().zip(&row[by..]).for_each(|(out, from)| *out |= from);
+                out[by..].iter_mut().zip(row).for_each(|(out, from)| *out |= from);
+            }
+        });
+        wide
+    }
+
+    /// The components of a set, by their first cells; cells touch by a face, or also by edges and
+    /// corners.
+    pub(crate) fn components(&self, set: &[bool], by_corners: bool) -> Vec<Component> {
+        let rows: Vec<Vec<Run>> =
+            set.par_chunks_exact(self.dims[0]).enumerate().map(|(row, cells)| runs(row, cells)).collect();
+        let starts: Vec<usize> = std::iter::once(0)
+            .chain(rows.iter().scan(0, |sum, runs| {
+                *sum += runs.len();
+                Some(*sum)
+            }))
+            .collect();
+        let mut parents: Vec<u32> = (0..starts[rows.len()] as u32).collect();
+        for row in 0..rows.len() {
+            for before in self.rows_before(row, by_corners).into_iter().flatten() {
+                join_touching(
+                    [&rows[before], &rows[row]],
+                    [starts[before], starts[row]],
+                    ((row - before) * self.dims[0]) as u32,
+                    u32::from(by_corners),
+                    &mut parents,
+                );
+            }
+        }
+        let mut number = vec![u32::MAX; parents.len()];
+        let mut components: Vec<Component> = Vec::new();
+        for (at, &run) in rows.iter().flatten().enumerate() {
+            let root = root(&mut parents, at as u32) as usize;
+            if number[root] == u32::MAX {
+                number[root] = components.len() as u32;
+                let first = self.place(run[0] as usize);
+                components.push(Component { runs: Vec::new(), bounds: [first; 2] });
+            }
+            let Component { runs, bounds: [low, high] } = &mut components[number[root] as usize];
+            runs.push(run);
+            let (first, last) = (self.place(run[0] as usize), self.place(run[1] as usize - 1));
+            for axis in 0..3 {
+                low[axis] = low[axis].min(first[axis]);
+                high[axis] = high[axis].max(last[axis]);
+            }
         }
         components
     }
 
-    fn for_each_beside(&self, at: [usize; 3], by_corners: bool, mut visit: impl FnMut(usize)) {
-        let [nx, ny, _] = self.dims;
-        if !by_corners {
-            let cell = at[0] + nx * (at[1] + ny * at[2]);
-            for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-                if at[axis] > 0 {
-                    visit(cell - stride);
-                }
-                if at[axis] + 1 < self.dims[axis] {
-                    visit(cell + stride);
-                }
-            }
-            return;
-        }
-        let range = |axis: usize| at[axis].saturating_sub(1)..(at[axis] + 2).min(self.dims[axis]);
-        for k in range(2) {
-            for j in range(1) {
-                for i in range(0) {
-                    visit(i + nx * (j + ny * k)); // itself too, which was visited
-                }
-            }
-        }
+    /// The rows before one that it touches.
+    fn rows_before(&self, row: usize, by_corners: bool) -> [Option<usize>; 4] {
+        let ny = self.dims[1];
+        let (j, k) = (row % ny, row / ny);
+        let below = |is_there: bool, by: usize| (k > 0 && is_there).then(|| row - ny + 1 - by);
+        [
+            (j > 0).then(|| row - 1),
+            below(true, 1),
+            below(by_corners && j > 0, 2),
+            below(by_corners && j + 1 < ny, 0),
+        ]
     }
 
     /// The longest side of a component's bounding box, mm.
@@ -167,8 +241,64 @@ impl CellGrid {
     /// first or last row. A lung that is open at the side of a picture counts as a hole.
     pub(crate) fn filled(&self, set: &[bool]) -> Vec<bool> {
         let [nx, ny, _] = self.dims;
-        set.par_chunks(nx * ny).flat_map_iter(|layer| filled_layer(layer, [nx, ny], Edges::Rows)).collect()
+        let mut filled = vec![false; set.len()];
+        let layers = filled.par_chunks_mut(nx * ny).zip(set.par_chunks(nx * ny));
+        layers.for_each(|(out, layer)| out.copy_from_slice(&filled_layer(layer, [nx, ny], Edges::Rows)));
+        filled
     }
+}
+
+fn inverse(set: &[bool]) -> Vec<bool> {
+    set.iter().map(|is_in| !is_in).collect()
+}
+
+/// The places at a distance from one, before and behind it.
+fn beside(at: usize, by: usize, count: usize) -> impl Iterator<Item = usize> {
+    let behind = (by > 0).then_some(at + by);
+    [at.checked_sub(by), behind].into_iter().flatten().filter(move |at| *at < count)
+}
+
+/// The runs of a row.
+fn runs(row: usize, cells: &[bool]) -> Vec<Run> {
+    let (mut runs, mut at) = (Vec::new(), 0);
+    let first = row * cells.len();
+    while let Some(start) = cells[at..].iter().position(|is_in| *is_in).map(|more| at + more) {
+        let end = cells[start..].iter().position(|is_in| !is_in).map_or(cells.len(), |more| start + more);
+        runs.push([(first + start) as u32, (first + end) as u32]);
+        at = end;
+    }
+    runs
+}
+
+/// Joins the runs of two rows that touch, `apart` cells between the rows' starts; runs touch that
+/// overlap, or that are at most `slack` cells beside each other.
+fn join_touching(
+    [before, behind]: [&[Run]; 2],
+    starts: [usize; 2],
+    apart: u32,
+    slack: u32,
+    parents: &mut [u32],
+) {
+    let (mut a, mut b) = (0, 0);
+    while let (Some(&[low, end]), Some(&[other, other_end])) = (before.get(a), behind.get(b)) {
+        let (low, end) = (low + apart, end + apart);
+        if low < other_end + slack && other < end + slack {
+            let [x, y] = [starts[0] + a, starts[1] + b].map(|at| root(parents, at as u32));
+            // The first run of all becomes the root.
+            parents[x.max(y) as usize] = x.min(y);
+        }
+        if end < other_end { a += 1 } else { b += 1 }
+    }
+}
+
+/// The root of a run; the ways to it become shorter.
+fn root(parents: &mut [u32], mut at: u32) -> u32 {
+    while parents[at as usize] != at {
+        let above = parents[parents[at as usize] as usize];
+        parents[at as usize] = above;
+        at = above;
+    }
+    at
 }
 
 /// From where the outside of a set begins.
@@ -205,50 +335,33 @@ pub(crate) fn filled_layer(layer: &[bool], [nx, ny]: [usize; 2], edges: Edges) -
     is_outside.into_iter().map(|is_outside| !is_outside).collect()
 }
 
-/// Rows of squared distances after one more axis: each is the lowest of those near it, with the
-/// squared distance between them added.
-fn lowered<'a>(
-    width: usize,
-    count: usize,
-    most_mm: f64,
-    spacing_mm: f64,
-    row: impl Fn(usize) -> &'a [f32],
-) -> Vec<f32> {
-    let reach = (most_mm / spacing_mm) as usize;
-    let mut result = vec![f32::INFINITY; width * count];
-    for (at, lowest) in result.chunks_exact_mut(width).enumerate() {
-        for other in at.saturating_sub(reach)..(at + reach + 1).min(count) {
-            lower(lowest, row(other), at, other, spacing_mm);
-        }
-    }
-    result
-}
-
-fn lower(lowest: &mut [f32], values: &[f32], at: usize, other: usize, spacing_mm: f64) {
-    let apart = (at.abs_diff(other) as f64 * spacing_mm).powi(2) as f32;
-    lowest.iter_mut().zip(values).for_each(|(lowest, value)| *lowest = lowest.min(value + apart));
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const GRID: CellGrid = CellGrid { dims: [9, 7, 5], spacing_mm: [1.0, 2.0, 3.0], edges: [1; 3] };
 
-    fn set(is_in: impl Fn([usize; 3]) -> bool) -> Vec<bool> {
-        (0..9 * 7 * 5).map(|cell| is_in(GRID.place(cell))).collect()
+    fn set(is_in: impl FnMut([usize; 3]) -> bool) -> Vec<bool> {
+        (0..9 * 7 * 5).map(|cell| GRID.place(cell)).map(is_in).collect()
     }
 
     #[test]
-    fn distances_are_exact_up_to_their_limit() {
-        let set = set(|at| at == [2, 3, 1] || at == [7, 0, 4]);
-        let found = GRID.squared_distances(|cell| set[cell], 6.0);
-        for (cell, found) in found.into_iter().enumerate() {
-            let [i, j, k] = GRID.place(cell).map(|n| n as f64);
-            let to =
-                |[a, b, c]: [f64; 3]| (i - a).powi(2) + (2.0 * (j - b)).powi(2) + (3.0 * (k - c)).powi(2);
-            let exact = to([2.0, 3.0, 1.0]).min(to([7.0, 0.0, 4.0]));
-            assert!(if exact <= 36.0 { f64::from(found) == exact } else { found > 36.0 }, "{cell}: {found}");
+    fn sets_grow_and_shrink_by_exact_distances() {
+        let seeds = [[2.0, 3.0, 1.0], [7.0, 0.0, 4.0]];
+        let near = set(|at| seeds.iter().any(|seed| at.map(|n| n as f64) == *seed));
+        for mm in [0.0, 1.0, 2.0, 2.5, 3.0, 6.0, 7.1] {
+            let grown = GRID.within(&near, mm);
+            let rest = inverse(&near);
+            let (deeper, at_least) = (GRID.deeper_than(&rest, mm), GRID.at_least_deep(&rest, mm));
+            for cell in 0..near.len() {
+                let [i, j, k] = GRID.place(cell).map(|n| n as f64);
+                let to =
+                    |[a, b, c]: [f64; 3]| (i - a).powi(2) + (2.0 * (j - b)).powi(2) + (3.0 * (k - c)).powi(2);
+                let squared = to(seeds[0]).min(to(seeds[1]));
+                assert_eq!(grown[cell], squared <= mm * mm, "{mm} mm, {squared}");
+                assert_eq!(deeper[cell], squared > mm * mm, "{mm} mm, {squared}");
+                assert_eq!(at_least[cell], squared >= mm * mm, "{mm} mm, {squared}");
+            }
         }
     }
 
@@ -257,8 +370,49 @@ mod tests {
         let diagonal = set(|at| at == [1, 1, 1] || at == [2, 2, 2] || at == [2, 2, 3]);
         assert_eq!(GRID.components(&diagonal, false).len(), 2);
         let [whole] = GRID.components(&diagonal, true).try_into().expect("one component");
-        assert_eq!((whole.cells.len(), whole.bounds), (3, [[1, 1, 1], [2, 2, 3]]));
+        assert_eq!((whole.len(), whole.bounds), (3, [[1, 1, 1], [2, 2, 3]]));
         assert_eq!(GRID.extent_mm(&whole), 9.0);
+    }
+
+    /// The cells of a set that are reached from one, ascending; takes them out of the set.
+    fn flooded(left: &mut [bool], start: usize, by_corners: bool) -> Vec<usize> {
+        let (mut cells, mut next) = (vec![start], 0);
+        left[start] = false;
+        while let Some(&cell) = cells.get(next) {
+            next += 1;
+            let apart = |other: usize| -> [usize; 3] {
+                std::array::from_fn(|axis| GRID.place(cell)[axis].abs_diff(GRID.place(other)[axis]))
+            };
+            for (other, is_left) in left.iter_mut().enumerate().filter(|(_, is_left)| **is_left) {
+                let [i, j, k] = apart(other);
+                if i.max(j).max(k) <= 1 && (by_corners || i + j + k <= 1) {
+                    *is_left = false;
+                    cells.push(other);
+                }
+            }
+        }
+        cells.sort_unstable();
+        cells
+    }
+
+    #[test]
+    fn components_are_those_of_a_flood() {
+        let mut state = 1u64;
+        for turn in 0..80 {
+            let random = set(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                state >> 33 & 3 == 0
+            });
+            let by_corners = turn % 2 == 0;
+            let mut left = random.clone();
+            for component in GRID.components(&random, by_corners) {
+                let start = left.iter().position(|is_left| *is_left).unwrap();
+                let flood = flooded(&mut left, start, by_corners);
+                assert_eq!(component.cells().collect::<Vec<_>>(), flood, "{turn}");
+                assert_eq!(component.len(), flood.len());
+            }
+            assert!(!left.contains(&true));
+        }
     }
 
     #[test]

@@ -173,10 +173,11 @@ impl Volume {
     #[must_use]
     pub fn without_table(&self) -> &Self {
         let removed = self.derived.without_table.get_or_init(|| {
-            let table = Table::find(self)?;
+            let (hash, table) = rayon::join(|| self.content_hash(), || Table::find(self));
+            let table = table?;
             let shown = Self::new(self.grid.clone(), table.removed_from(self)).ok()?;
             let derived = Derived {
-                hash: OnceLock::from(self.content_hash().without_table()),
+                hash: OnceLock::from(hash.without_table()),
                 without_table: OnceLock::from(None),
                 ..Derived::default()
             };

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::cells::CellGrid;
+use super::cells::{CellGrid, Component};
 use super::{Grid, Volume};
 use relief_base::{Patient, Point, Voxel};
 
@@ -108,10 +108,10 @@ impl Cells<'_> {
     #[must_use]
     pub fn without_specks(mut self, share: f64) -> Self {
         let groups = self.occupancy.cells.components(&self.is_in, false);
-        let largest = groups.iter().map(|group| group.cells.len()).max().unwrap_or(0);
+        let largest = groups.iter().map(Component::len).max().unwrap_or(0);
         let least = share * largest as f64;
-        for group in groups.iter().filter(|group| (group.cells.len() as f64) < least) {
-            group.cells.iter().for_each(|&cell| self.is_in[cell as usize] = false);
+        for group in groups.iter().filter(|group| (group.len() as f64) < least) {
+            group.cells().for_each(|cell| self.is_in[cell] = false);
         }
         self
     }

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use super::Volume;
-use crate::cells::{CellGrid, Component, Edges, filled_layer};
+use crate::cells::{CellGrid, Component, Edges, Level, filled_layer};
 
 /// Sides of a cell, mm.
 const CELL_MM: f64 = 2.0;
@@ -49,7 +49,8 @@ impl Table {
         if u32::try_from(grid.dims.iter().product::<usize>()).is_err() {
             return None;
         }
-        let tissue = grid.at_least(volume, TISSUE_HU, 3);
+        let levels = [Level { hu: TISSUE_HU, of_voxels: 3 }, Level { hu: SHEET_HU, of_voxels: 6 }];
+        let [tissue, mut sheets] = grid.at_least(volume, levels);
         let body = body(&grid, &tissue)?;
         let rest: Vec<bool> = tissue.iter().zip(&body).map(|(tissue, body)| *tissue && !body).collect();
         let beside_body = grid.within(&body, MARGIN_MM);
@@ -57,11 +58,11 @@ impl Table {
         for piece in grid.components(&rest, true) {
             let set = match grid.extent_mm(&piece) >= PIECE_MM {
                 true => &mut table,
-                false if piece.cells.iter().any(|&cell| beside_body[cell as usize]) => &mut kept,
+                false if piece.meets(&beside_body) => &mut kept,
                 // Part of a sheet, or alone.
                 false => continue,
             };
-            piece.cells.iter().for_each(|&cell| set[cell as usize] = true);
+            piece.join(set);
         }
         if !table.contains(&true) {
             return None;
@@ -69,11 +70,10 @@ impl Table {
         let kept = grid.within(&kept, MARGIN_MM);
         // The inside of a couch goes with its shells.
         let mut table = grid.filled(&table);
-        let mut sheets = grid.at_least(volume, SHEET_HU, 6);
         sheets.iter_mut().zip(&kept).for_each(|(sheet, kept)| *sheet &= !kept);
         for piece in grid.components(&sheets, true) {
             if grid.extent_mm(&piece) >= PIECE_MM {
-                piece.cells.iter().for_each(|&cell| table[cell as usize] = true);
+                piece.join(&mut table);
             }
         }
         let around = grid.within(&table, SURROUNDINGS_MM);
@@ -94,7 +94,7 @@ impl Table {
         let [nx, ny, _] = volume.grid().dims();
         let [ex, ey, ez] = self.grid.edges;
         let [cx, cy, _] = self.grid.dims;
-        let mut values = volume.voxels_hu().to_vec();
+        let mut values: Vec<i16> = volume.voxels_hu().par_iter().copied().collect();
         values.par_chunks_exact_mut(nx).enumerate().for_each(|(row, values)| {
             let (j, k) = (row % ny / ey, row / ny / ez);
             let cells = &self.is_table[cx * (j + cy * k)..][..cx];
@@ -109,13 +109,12 @@ impl Table {
 /// The cells of the patient: thick parts with their skin and inside, and hollow objects. `None` without
 /// such cells.
 fn body(grid: &CellGrid, tissue: &[bool]) -> Option<Vec<bool>> {
-    let depths = grid.squared_distances(|cell| !tissue[cell], THICK_MM);
-    let square = |mm: f64| (mm * mm) as f32;
-    let eroded: Vec<bool> = depths.iter().map(|depth| *depth > square(ERODED_MM)).collect();
+    let eroded = grid.deeper_than(tissue, ERODED_MM);
+    let thick = grid.at_least_deep(tissue, THICK_MM);
     let mut seeds = vec![false; tissue.len()];
     for part in grid.components(&eroded, false) {
-        if part.cells.iter().any(|&cell| depths[cell as usize] >= square(THICK_MM)) {
-            part.cells.iter().for_each(|&cell| seeds[cell as usize] = true);
+        if part.meets(&thick) {
+            part.join(&mut seeds);
         }
     }
     let near = grid.within(&seeds, SKIN_MM);
@@ -123,13 +122,13 @@ fn body(grid: &CellGrid, tissue: &[bool]) -> Option<Vec<bool>> {
     let mut body = vec![false; near.len()];
     // Connected by tissue: a shell below a gap of air is no skin.
     for part in grid.components(&near, false) {
-        if part.cells.iter().any(|&cell| seeds[cell as usize]) {
-            part.cells.iter().for_each(|&cell| body[cell as usize] = true);
+        if part.meets(&seeds) {
+            part.join(&mut body);
         }
     }
     for object in grid.components(tissue, false) {
         if is_hollow(grid, &object) {
-            object.cells.iter().for_each(|&cell| body[cell as usize] = true);
+            object.join(&mut body);
         }
     }
     body.contains(&true).then(|| grid.filled(&body))
@@ -146,12 +145,12 @@ fn is_hollow(grid: &CellGrid, object: &Component) -> bool {
     // A shell fills some percent of its box. Thinner objects are not tried: there could be thousands,
     // each with the box of the whole volume.
     let box_cells = sides[0] * sides[1] * (last[2] + 1 - first[2]);
-    if sides_mm[0].min(sides_mm[1]) < LEAST_SIDE_MM || object.cells.len() < box_cells / 100 {
+    if sides_mm[0].min(sides_mm[1]) < LEAST_SIDE_MM || object.len() < box_cells / 100 {
         return false;
     }
     let mut layers = vec![vec![false; sides[0] * sides[1]]; last[2] + 1 - first[2]];
-    for &cell in &object.cells {
-        let [i, j, k] = grid.place(cell as usize);
+    for cell in object.cells() {
+        let [i, j, k] = grid.place(cell);
         layers[k - first[2]][i - first[0] + sides[0] * (j - first[1])] = true;
     }
     let is_round = |layer: &&Vec<bool>| {
