@@ -7,7 +7,7 @@
 // of anything visible are never looked up and stay open.
 //
 // Spaces: start space of a camera of its own (see lib/frame.wgsl), which depends on the volume
-// alone; voxel index. Lengths in mm. Twin: `reference::illumination`.
+// alone; voxel index. Lengths in mm. Twin: `processor::light_cells`.
 
 // Looks around for openness, instead of towards lights.
 override OPENNESS: bool = false;

@@ -1,7 +1,7 @@
 // Casts one ray per pixel: colour over the background, and view depth in mm.
 //
-// The functions here and in lib/ have twins of the same names in `render::reference`, except for
-// skipping, which does not change the result. Modes and depth rules are pipeline constants, so that
+// The functions here and in lib/ have twins of the same names in `render::processor`. Skipping does
+// not change the result. Modes and depth rules are pipeline constants, so that
 // a pipeline contains only the code it uses.
 
 override MODE: u32 = 0u;

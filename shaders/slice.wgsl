@@ -1,7 +1,7 @@
 // Cuts the volume by a plane across the viewing axis, or by a slab around it: colour over the
 // background, and view depth in mm.
 //
-// The twins of the functions here have the same names in `render::reference::slice`. Rays and the
+// The twins of the functions here have the same names in `render::processor::slice`. Rays and the
 // volume's box are those of lib/frame.wgsl, so clip planes hold here too. Samples lie on the plane
 // and, in pairs, before and behind it up to the faces of the slab; those outside the volume or
 // clipped are left out.

@@ -2,7 +2,7 @@
 //
 // Spaces: mm along the ray. `a` is the opacity of one sample, and `accumulated` that of all samples
 // before it. The weight of a sample is (1 - accumulated) a. A ray is followed as far as the picture
-// shows it: to the point where 1/512 of its light remains. Twin: `reference::depth_rules`.
+// shows it: to the point where 1/512 of its light remains. Twin: `processor::depth_rules`.
 
 override DEPTH_RULE: u32 = 0u;
 

@@ -3,7 +3,7 @@
 // Spaces: voxel index. The label map lies on the volume's grid. Behind the table's own entries lie
 // the looks, two entries for each place in the list of segments, the first for voxels without a
 // segment, and behind them the tables of further transfer functions. The twins of the functions
-// here have the same names in `render::reference::labels`.
+// here have the same names in `render::processor::segments`.
 
 override LABELLED: bool = false;
 // Whether edges between segments run through voxels, where most of a voxel's surroundings change

@@ -4,7 +4,7 @@
 // Shadows and openness are looked up in cells that `illuminate.wgsl` has filled: a cell's width
 // before the surface, on the eye's side, so that a surface does not shade itself. Spaces: voxel
 // index; directions along the patient axes, unit length; places in mm from the volume's centre,
-// along the patient axes. Colours are display-referred. Twin: `reference::lights`.
+// along the patient axes. Colours are display-referred. Twin: `processor::lights`.
 
 // Whether there are lights in place of the headlight, whether they cast shadows, and whether
 // surroundings count.

@@ -3,7 +3,7 @@
 //
 // Values are taken at the ends of a sample's path, half a sample distance to both sides, and in its
 // middle, and are linear between. Behind the transfer table's entries lie their integrals over
-// values (HU), one for each entry: see `transfer::integral`. Twin: `reference::passage`.
+// values (HU), one for each entry: see `transfer::integral`. Twin: `processor::passage`.
 
 override PRE_INTEGRATED: bool = false;
 

@@ -1,6 +1,6 @@
 // Where between samples a ray's depth is, by the rules `first-hit` and `threshold`.
 //
-// Spaces: mm along the ray. Twins in `reference::cast`.
+// Spaces: mm along the ray. Twins in `processor::crossing`.
 
 // The threshold rule divides the neighbourhood of its crossing by 4, three times: to 1/64 of a
 // sample distance.

@@ -1,8 +1,8 @@
 //! Depth rules: which depth a semi-transparent ray has. [`DepthRule::TABLE`] is the one list of
 //! them; `docs/DEPTH.md` draws each.
 //!
-//! The formulas are in `shaders/lib/depth_rules.wgsl` and in its reference,
-//! `reference::depth_rules`. Opacity is that of one sample; the weight of a sample is its
+//! The formulas are in `shaders/lib/depth_rules.wgsl` and in its twin,
+//! `processor::depth_rules`. Opacity is that of one sample; the weight of a sample is its
 //! contribution to the accumulated opacity.
 
 /// Which depth a semi-transparent ray has.

@@ -54,7 +54,6 @@ mod pathtrace;
 mod pipelines;
 mod processor;
 mod quality;
-mod reference;
 mod region;
 mod renderer;
 mod request;
@@ -94,7 +93,7 @@ pub use overlay::{
 };
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
-pub use processor::left_by_processor;
+pub use processor::{left_by_processor, render_reference};
 pub use quality::Quality;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
@@ -108,4 +107,3 @@ pub use table_rule::TableRule;
 pub use watch::Progress;
 
 pub use gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, adapters};
-pub use reference::render_reference;

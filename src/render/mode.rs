@@ -1,7 +1,7 @@
 //! How the samples of a ray become a colour: the modes, their names, and what each takes of a
 //! transfer function.
 //!
-//! The modes' formulas are in `shaders/` and in `render::reference`.
+//! The modes' formulas are in `shaders/` and in `render::processor`.
 
 use serde::Deserialize;
 

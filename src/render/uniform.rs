@@ -102,7 +102,8 @@ impl FrameUniform {
             near_mm: near_mm as f32,
             lowest_visible_hu: appearance.tables.lowest_visible_hu(),
             skipping: u32::from(
-                skipping == EmptySpaceSkipping::On && paths_end_in_neighbours(request, grid, appearance),
+                skipping == EmptySpaceSkipping::On
+                    && paths_end_in_neighbours(request, grid, appearance.bricks.edge),
             ),
             brick_dims: appearance.bricks.dims.map(|n| n as f32),
             bricks_per_voxel: 1.0 / appearance.bricks.edge as f32,
@@ -125,10 +126,10 @@ impl FrameUniform {
 
 /// Whether a pre-integrated sample's path, half of it to each side, stays within the bricks next to
 /// its own: what lets bricks be skipped.
-fn paths_end_in_neighbours(request: &RenderRequest, grid: &Grid, appearance: &Appearance) -> bool {
+pub(super) fn paths_end_in_neighbours(request: &RenderRequest, grid: &Grid, brick_edge: usize) -> bool {
     let finest_mm = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     request.classification == Classification::Sampled
-        || 0.5 * request.sample_distance_mm <= finest_mm * appearance.bricks.edge as f64
+        || 0.5 * request.sample_distance_mm <= finest_mm * brick_edge as f64
 }
 
 /// A matrix as a uniform has it: each column padded to four.

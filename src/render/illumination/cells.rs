@@ -1,6 +1,6 @@
 //! The grid of cells over a volume, and the directions in which a cell looks.
 //!
-//! Shared by the GPU path and the f64 twin: it defines sample positions, not their values. Voxel
+//! Shared by the GPU's shader and its twin in lanes: it defines sample positions, not their values. Voxel
 //! index; mm.
 
 use std::f64::consts::PI;
@@ -73,11 +73,6 @@ impl Cells {
         DVec3::new(center(0), center(1), center(2))
     }
 
-    /// The position in cells, 0 at the first one's outer faces, for a voxel index.
-    pub(crate) fn position(&self, voxel: DVec3) -> DVec3 {
-        (voxel + 0.5) / DVec3::from(self.voxels.map(|n| n as f64))
-    }
-
     /// A step of one cell along a unit normal (patient axes), in cells.
     pub(crate) fn step_before(grid: &Grid, normal: DVec3) -> DVec3 {
         DVec3::from(grid.axis_directions().map(|axis| axis.dot(normal)))
@@ -124,7 +119,6 @@ mod tests {
             assert!((0..3).all(|axis| found.dims[axis] * found.voxels[axis] >= dims[axis]));
         }
         assert_eq!(even.center([0, 1, 2]), DVec3::new(0.5, 2.5, 4.5));
-        assert_eq!(even.position(DVec3::new(0.5, 2.5, 4.5)), DVec3::new(0.5, 1.5, 2.5));
     }
 
     #[test]

@@ -1,28 +1,18 @@
 //! Fills cells where none are kept, and binds them for the rays.
 
-use std::sync::Arc;
-
 use super::cells::Cells;
-use super::settings::Occlusion;
 use super::stage::{CELL_BINDINGS, CELLS_SIDE, Stage, StageKey};
 use super::uniform::{IlluminationUniform, LightingUniform};
 use crate::RenderError;
-use crate::classification::Classification;
 use crate::gpu::{ErrorScope, Gpu, GpuError};
-use crate::illumination::quantity::LightQuantity;
-use crate::illumination::quantity::TEXELS;
-use crate::labels::Labels;
-use crate::mode::Mode;
-use crate::request::{Clip, RenderRequest};
-use crate::request_error::RequestError;
+use crate::illumination::quantity::{FillingKey, LightQuantity, TEXELS};
+use crate::request::RenderRequest;
 use crate::skipping::EmptySpaceSkipping;
-use crate::surface::Surface;
 use crate::tables::Tables;
 use crate::texture::VoxelFormat;
 use crate::uniform::FrameUniform;
 use crate::upload::{Appearance, VolumeOnGpu, upload_table};
-use relief_base::Vector;
-use relief_volume::{Camera, ContentHash, Grid, Projection, TransferFunction, Volume};
+use relief_volume::{ContentHash, Volume};
 
 /// Fillings kept, each of at most 16 MiB; the least recently used goes first.
 const KEPT: usize = 4;
@@ -42,38 +32,9 @@ pub(crate) struct IlluminationJob<'a> {
     pub(crate) request: &'a RenderRequest,
 }
 
-/// All that a filling depends on.
-#[derive(Clone, Debug, PartialEq)]
-struct Key {
-    volume: ContentHash,
-    mode: Mode,
-    /// Rays that take paths for samples look up cells that others do not.
-    classification: Classification,
-    transfer: TransferFunction,
-    labels: Option<Arc<Labels>>,
-    surfaces: Vec<Surface>,
-    clip: Clip,
-    sought: LightQuantity,
-}
-
-impl Key {
-    fn new(volume: ContentHash, request: &RenderRequest, sought: LightQuantity) -> Self {
-        Self {
-            volume,
-            mode: request.mode,
-            classification: request.classification,
-            transfer: request.transfer.clone(),
-            labels: request.labels.clone(),
-            surfaces: request.surfaces.clone(),
-            clip: request.clip.clone(),
-            sought,
-        }
-    }
-}
-
 /// Filled cells.
 struct Filling {
-    key: Key,
+    key: FillingKey,
     view: wgpu::TextureView,
 }
 
@@ -134,9 +95,9 @@ impl Illuminator {
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::bytes_of(&lighting));
         let mut filled = false;
         let mut views = [self.nothing.clone(), self.nothing.clone()];
-        for (sought, view) in sought(request).into_iter().zip(&mut views) {
-            let Some(sought) = sought else { continue };
-            let key = Key::new(on_gpu.hash, request, sought);
+        for (quantity, view) in LightQuantity::of(request).into_iter().zip(&mut views) {
+            let Some(quantity) = quantity else { continue };
+            let key = FillingKey::new(on_gpu.hash, request, quantity);
             if let Some(at) = self.kept.iter().position(|filling| filling.key == key) {
                 self.kept[at..].rotate_left(1);
             } else {
@@ -159,24 +120,20 @@ impl Illuminator {
         &mut self,
         order: IlluminationJob<'_>,
         cells: &Cells,
-        key: &Key,
+        key: &FillingKey,
     ) -> Result<wgpu::TextureView, RenderError> {
         let IlluminationJob { gpu, volume, on_gpu, appearance, request, .. } = order;
         let stage = match &mut self.stage {
             Some(stage) => stage,
             none => none.insert(Stage::new(gpu, self.format)?),
         };
-        let is_openness = matches!(key.sought, LightQuantity::Openness { .. });
+        let is_openness = matches!(key.quantity, LightQuantity::Openness { .. });
         let stage_key = StageKey::new(request, is_openness, on_gpu.gradients.precomputed);
         let pipeline = stage.get(gpu, stage_key)?;
-        let step_mm = match key.sought {
-            LightQuantity::Shadows(_) => cells.shadow_step_mm(),
-            LightQuantity::Openness { radius_mm } => cells.openness_step_mm(radius_mm),
-        };
-        let steady = steady_request(request, volume.grid(), step_mm)?;
+        let steady = key.quantity.steady_request(request, volume.grid(), cells)?;
         let frame = FrameUniform::new(&steady, volume, appearance, EmptySpaceSkipping::On);
         let mut uniform =
-            IlluminationUniform::new(&steady, volume.grid(), appearance.bricks.edge, cells, &key.sought);
+            IlluminationUniform::new(&steady, volume.grid(), appearance.bricks.edge, cells, &key.quantity);
         let scope = ErrorScope::open(gpu, "cells of light");
         let buffers = Buffers {
             frame: uniform_buffer(gpu, "frame", size_of::<FrameUniform>()),
@@ -205,26 +162,6 @@ impl Illuminator {
         gpu.wait("cells of light")?;
         Ok(view)
     }
-}
-
-/// The textures that the rays of a request read: shadows, openness.
-fn sought(request: &RenderRequest) -> [Option<LightQuantity>; 2] {
-    let lights = || request.lights.iter().map(|light| (light.in_patient(&request.camera), light.size));
-    let Occlusion { strength, radius_mm } = request.illumination.occlusion;
-    [
-        request.casts_shadows().then(|| LightQuantity::Shadows(lights().collect())),
-        (strength > 0.0).then_some(LightQuantity::Openness { radius_mm }),
-    ]
-}
-
-/// The request with a camera that depends only on the volume: cells must not depend on the first
-/// view.
-fn steady_request(request: &RenderRequest, grid: &Grid, step_mm: f64) -> Result<RenderRequest, RequestError> {
-    let radius_mm = grid.bounding_radius_mm();
-    let eye = grid.center() + Vector::new(0.0, -2.0 * radius_mm, 0.0);
-    let projection = Projection::Orthographic { height_mm: (2.0 * radius_mm).clamp(1e-3, 1e6) };
-    let camera = Camera::new(eye, grid.center(), Vector::new(0.0, 0.0, 1.0), projection)?;
-    Ok(RenderRequest { camera, sample_distance_mm: step_mm, ..request.clone() })
 }
 
 /// Layers of workgroups of one dispatch.

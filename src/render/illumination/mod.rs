@@ -21,5 +21,6 @@ mod uniform;
 
 pub(super) use cells::{Cells, DIRECTIONS, disc_rays, sphere_direction};
 pub(super) use illuminator::{IlluminationJob, Illuminator};
+pub(super) use quantity::{FillingKey, LightQuantity};
 pub use settings::{Illumination, Occlusion};
 pub(super) use stage::lighting_layout;

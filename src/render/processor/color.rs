@@ -1,4 +1,4 @@
-//! From a value to a lit colour; as `shaders/lib/classify.wgsl`.
+//! From a value to a colour under the headlight; as `shaders/lib/classify.wgsl`.
 //!
 //! Colours are display-referred sRGB 0..1, not premultiplied; opacity is that of one sample.
 
@@ -6,9 +6,10 @@ use relief_lanes::{Lanes, Real as _, Triple};
 
 use super::super::request::Shading;
 use super::super::tables::Tables;
+use relief_volume::GradientTable;
 
 /// Squared length below which a gradient is rounding.
-const NO_GRADIENT: f64 = 1e-12;
+pub(super) const NO_GRADIENT: f64 = 1e-12;
 
 /// A transfer table, and its opacities one behind the other.
 pub(super) struct Colors<'a, L: Lanes> {
@@ -62,15 +63,54 @@ impl<'a, L: Lanes> Colors<'a, L> {
     }
 }
 
+/// Opacity by gradient: a factor of opacity, by the gradient's length.
+pub(super) struct GradientOpacity<'a, L: Lanes> {
+    lanes: L,
+    factors: &'a [f32],
+    entries_per_hu_mm: L::Real,
+    last: L::Real,
+    path_units: L::Real,
+}
+
+impl<'a, L: Lanes> GradientOpacity<'a, L> {
+    #[inline(always)]
+    pub(super) fn new(lanes: L, table: &'a GradientTable) -> Self {
+        Self {
+            lanes,
+            factors: &table.entries,
+            entries_per_hu_mm: lanes.splat(table.entries_per_hu_mm.into()),
+            last: lanes.splat((table.entries.len() - 1) as f64),
+            path_units: lanes.splat(table.path_units.into()),
+        }
+    }
+
+    /// The factor at gradients, HU/mm.
+    #[inline(always)]
+    pub(super) fn factor(&self, gradient: Triple<L::Real>) -> L::Real {
+        let x = (gradient.dot(gradient).sqrt() * self.entries_per_hu_mm).min(self.last);
+        let i = x.floor().min(self.last - self.lanes.splat(1.0));
+        let [low, high] = self.lanes.real_pairs(self.factors, self.lanes.place(i));
+        low.lerp(high, x - i)
+    }
+
+    /// Opacity of samples from that of their values, per opacity unit, and its factor.
+    #[inline(always)]
+    pub(super) fn modulated(&self, opacity: L::Real, factor: L::Real) -> L::Real {
+        let one = self.lanes.splat(1.0);
+        let transparency = (one - opacity * factor).max(self.lanes.splat(1e-30));
+        one - transparency.pow(self.path_units)
+    }
+}
+
 /// The headlight at the eye, two-sided.
 pub(super) struct Headlight<L: Lanes> {
     lanes: L,
     pub(super) needs_gradient: bool,
-    has_highlight: bool,
-    ambient: L::Real,
-    diffuse: L::Real,
-    specular: L::Real,
-    shininess: L::Real,
+    pub(super) has_highlight: bool,
+    pub(super) ambient: L::Real,
+    pub(super) diffuse: L::Real,
+    pub(super) specular: L::Real,
+    pub(super) shininess: L::Real,
 }
 
 impl<L: Lanes> Headlight<L> {

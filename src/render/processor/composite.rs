@@ -1,13 +1,17 @@
 //! Samples of rays blended front to back; as `shaders/raycast.wgsl` in mode composite.
 //!
-//! Opacities are blended at once, because they end rays. Colours need gradients, which are slow:
-//! visible samples are collected, and a full vector of them is lit at a time.
+//! Opacities are blended at once, because they end rays. Visible samples are collected, and a full
+//! vector of them is lit at a time. [`Blend`] says what a sample is: [`Plain`] ones have a value
+//! alone, [`Classified`] ones a segment, opacity by gradient or placed lights too, and [`Paths`] the
+//! values along a path.
 
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
-use super::color::{Colors, Headlight};
-use super::field::Field;
-use super::ray::{Rays, View};
+use super::super::request::DepthRule;
+use super::passage::rgb;
+use super::pending::Pending;
+use super::ray::Rays;
+use super::scene::{Hit, Scene};
 use super::walk::{Bricks, Walk};
 
 /// Opacity at which a ray ends.
@@ -16,21 +20,8 @@ pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
 pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 /// The number of a sample before all samples.
 const NO_SAMPLE: f64 = -2.0;
-/// Most lanes that there are.
-const MOST_LANES: usize = 8;
-
-/// Everything about a picture that rays look up.
-pub(super) struct Scene<'a, L: Lanes> {
-    pub(super) lanes: L,
-    pub(super) view: View<L>,
-    pub(super) field: Field<'a, L>,
-    pub(super) bricks: Bricks<'a, L>,
-    pub(super) colors: Colors<'a, L>,
-    pub(super) light: Headlight<L>,
-    /// The share of a ray's opacity at which its depth lies, by rule `threshold`.
-    pub(super) depth_fraction: L::Real,
-    pub(super) is_cut: bool,
-}
+/// Half of a pre-integrated sample that adds less than this share of it is lit like the other half.
+const LITTLE: f64 = 0.125;
 
 /// The result of rays.
 pub(super) struct Gathered<L: Lanes> {
@@ -48,24 +39,130 @@ pub(super) struct Gathered<L: Lanes> {
     pub(super) before_crossing: [L::Real; 2],
 }
 
-impl<L: Lanes> Scene<'_, L> {
-    /// Blends all samples of the chosen rays.
+/// What samples are. Waiting ones have N components.
+pub(super) trait Blend<L: Lanes, const N: usize> {
+    /// Adds samples k of the chosen rays behind those before.
+    fn gather(
+        scene: &Scene<'_, L>,
+        sum: &mut Gathered<L>,
+        pending: &mut Pending<L, N>,
+        rays: &Rays<L>,
+        k: L::Real,
+        chosen: L::Mask,
+    );
+
+    /// Colours before light, positions and weights of waiting samples.
+    fn waiting(scene: &Scene<'_, L>, sample: [L::Real; N]) -> Waiting<L>;
+
+    /// Lit colours of samples, seen along `direction`; `p` is a position to read the gradient at.
     #[inline(always)]
-    pub(super) fn composite(&self, rays: &Rays<L>, walk: &Walk<L>, chosen: L::Mask) -> Gathered<L> {
-        let number = |x: f64| self.lanes.splat(x);
-        let (zero, one, opaque) = (number(0.0), number(1.0), number(OPAQUE));
+    fn lit(
+        scene: &Scene<'_, L>,
+        rgb: Triple<L::Real>,
+        direction: Triple<L::Real>,
+        p: Triple<L::Real>,
+    ) -> Triple<L::Real> {
+        scene.lit(rgb, direction, p)
+    }
+}
+
+/// Samples that are to be lit.
+pub(super) struct Waiting<L: Lanes> {
+    rgb: Triple<L::Real>,
+    p: Triple<L::Real>,
+    weight: L::Real,
+}
+
+/// Values alone, under the headlight.
+pub(super) struct Plain;
+/// Values and places.
+pub(super) struct Classified;
+/// Paths of pre-integrated samples.
+pub(super) struct Paths;
+
+impl<L: Lanes> Scene<'_, L> {
+    /// Casts the chosen rays from samples `start` on; the depth is by `rule`. Returns the first
+    /// visible samples too.
+    #[inline(always)]
+    pub(super) fn composite(
+        &self,
+        rays: &Rays<L>,
+        walk: &Walk<L>,
+        start: L::Real,
+        rule: DepthRule,
+        chosen: L::Mask,
+    ) -> (Hit<L>, L::Real) {
+        let sum = if self.is_plain() {
+            self.lanes.apart(
+                #[inline(always)]
+                || self.blend::<Plain, 5>(rays, walk, start, chosen),
+            )
+        } else if self.integrals.is_some() {
+            self.lanes.apart(
+                #[inline(always)]
+                || self.blend::<Paths, 7>(rays, walk, start, chosen),
+            )
+        } else {
+            self.lanes.apart(
+                #[inline(always)]
+                || self.blend::<Classified, 5>(rays, walk, start, chosen),
+            )
+        };
+        let hits = chosen & self.number(VISIBLE).le(sum.opacity);
+        let mut t = self.number(0.0);
+        if hits.any() {
+            t = self.lanes.apart(
+                #[inline(always)]
+                || self.depth_by_rule(rule, rays, walk, &sum, hits),
+            );
+        }
+        (Hit { color: sum.color, opacity: sum.opacity, hits, t }, sum.first)
+    }
+
+    /// The rays behind the first layer, as if that layer were absent; `first` are their first visible
+    /// samples.
+    #[inline(always)]
+    pub(super) fn back_layer(
+        &self,
+        rays: &Rays<L>,
+        walk: &Walk<L>,
+        first: L::Real,
+        chosen: L::Mask,
+    ) -> Hit<L> {
+        let end = self.lanes.apart(
+            #[inline(always)]
+            || self.front_layer(rays, walk, first, chosen).end,
+        );
+        let goes_on = chosen & end.lt(self.view.sample_counts(rays));
+        if !goes_on.any() {
+            return self.miss();
+        }
+        let rule = DepthRule::Threshold { fraction: self.request.depth.fraction().unwrap_or(0.0) };
+        self.composite(rays, walk, end, rule, goes_on).0
+    }
+
+    /// Blends all samples of the chosen rays from samples `start` on.
+    #[inline(always)]
+    fn blend<B: Blend<L, N>, const N: usize>(
+        &self,
+        rays: &Rays<L>,
+        walk: &Walk<L>,
+        start: L::Real,
+        chosen: L::Mask,
+    ) -> Gathered<L> {
+        let (zero, one, opaque) = (self.number(0.0), self.number(1.0), self.number(OPAQUE));
         let count = self.view.sample_counts(rays);
         let mut sum: Gathered<L> = Gathered {
             color: Triple([zero; 3]),
             opacity: zero,
             first: count,
-            last: number(NO_SAMPLE),
+            last: self.number(NO_SAMPLE),
             before_last: zero,
             crossing: count,
             before_crossing: [zero; 2],
         };
         let mut pending = Pending::new(self.lanes, rays);
-        let mut k = zero;
+        let mut k = start;
         loop {
             let mut alive = chosen & k.lt(count) & sum.opacity.lt(opaque);
             if !alive.any() {
@@ -81,78 +178,180 @@ impl<L: Lanes> Scene<'_, L> {
             // Two samples for each look at the bricks: the second is taken in vain now and then, but
             // shows nothing then.
             for _ in 0..2 {
-                self.gather(&mut sum, &mut pending, rays, k, alive & k.lt(count));
+                let taken = alive & k.lt(count) & sum.opacity.lt(opaque);
+                B::gather(self, &mut sum, &mut pending, rays, k, taken);
+                while pending.len >= L::COUNT {
+                    self.light_pending::<B, N>(&mut pending);
+                }
                 k = (k + one).or_where_not(alive, k);
             }
         }
         while pending.len > 0 {
-            self.light_pending(&mut pending);
+            self.light_pending::<B, N>(&mut pending);
         }
         sum.color = pending.colors();
         sum
     }
 
-    /// Adds samples k behind those before.
+    /// Lights the oldest pending samples, one in each lane.
+    #[inline(always)]
+    fn light_pending<B: Blend<L, N>, const N: usize>(&self, pending: &mut Pending<L, N>) {
+        let (sample, direction) = pending.front();
+        let Waiting { rgb, p, weight } = B::waiting(self, sample);
+        // Lanes without a sample read the middle of the volume: cells at its edges are slow.
+        let is_sample = self.lanes.first(pending.len);
+        let p = p.or_where_not([is_sample; 3], self.field.middle());
+        pending.add(B::lit(self, rgb, direction, p).scaled(weight));
+    }
+
+    /// Where samples k may be visible, of these values.
+    #[inline(always)]
+    fn may_show(&self, rays: &Rays<L>, k: L::Real, hu: L::Real, chosen: L::Mask) -> L::Mask {
+        let shows = chosen & self.colors.lowest_visible_hu.le(hu);
+        if self.is_cut { shows & !rays.is_cut(self.view.sample_t(rays, k)) } else { shows }
+    }
+}
+
+impl<L: Lanes> Blend<L, 5> for Plain {
     #[inline(always)]
     fn gather(
-        &self,
+        scene: &Scene<'_, L>,
         sum: &mut Gathered<L>,
-        pending: &mut Pending<L>,
+        pending: &mut Pending<L, 5>,
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
     ) {
-        let number = |x: f64| self.lanes.splat(x);
         let p = rays.sample_voxel(k);
-        let hu = self.field.hu(p);
-        let mut shows = chosen & self.colors.lowest_visible_hu.le(hu) & sum.opacity.lt(number(OPAQUE));
-        if self.is_cut {
-            shows = shows & !rays.is_cut(self.view.sample_t(rays, k));
-        }
+        let hu = scene.field.hu(p);
+        let shows = scene.may_show(rays, k, hu, chosen);
         if !shows.any() {
             return;
         }
-        let opacity = self.colors.opacity(hu);
-        let shows = shows & number(0.0).lt(opacity);
+        let opacity = scene.colors.opacity(hu);
+        let shows = shows & scene.number(0.0).lt(opacity);
+        if !shows.any() {
+            return;
+        }
+        let weight = sum.add(scene, k, opacity, shows);
+        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+    }
+
+    #[inline(always)]
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
+        Waiting { rgb: scene.colors.rgb(hu), p: Triple([x, y, z]), weight }
+    }
+
+    #[inline(always)]
+    fn lit(
+        scene: &Scene<'_, L>,
+        rgb: Triple<L::Real>,
+        direction: Triple<L::Real>,
+        p: Triple<L::Real>,
+    ) -> Triple<L::Real> {
+        let head = scene.lights.head();
+        if head.needs_gradient {
+            head.lit(rgb, scene.field.gradient(p), direction)
+        } else {
+            head.ambient(rgb)
+        }
+    }
+}
+
+impl<L: Lanes> Blend<L, 5> for Classified {
+    #[inline(always)]
+    fn gather(
+        scene: &Scene<'_, L>,
+        sum: &mut Gathered<L>,
+        pending: &mut Pending<L, 5>,
+        rays: &Rays<L>,
+        k: L::Real,
+        chosen: L::Mask,
+    ) {
+        let p = rays.sample_voxel(k);
+        let hu = scene.field.hu(p);
+        let shows = scene.may_show(rays, k, hu, chosen);
+        if !shows.any() {
+            return;
+        }
+        let opacity = scene.opacity_from(p, [hu, scene.factor_at(p)]);
+        let shows = shows & scene.number(0.0).lt(opacity);
+        if !shows.any() {
+            return;
+        }
+        let weight = sum.add(scene, k, opacity, shows);
+        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+    }
+
+    #[inline(always)]
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
+        let p = Triple([x, y, z]);
+        Waiting { rgb: rgb(scene.classify(p, hu)), p, weight }
+    }
+}
+
+impl<L: Lanes> Blend<L, 7> for Paths {
+    #[inline(always)]
+    fn gather(
+        scene: &Scene<'_, L>,
+        sum: &mut Gathered<L>,
+        pending: &mut Pending<L, 7>,
+        rays: &Rays<L>,
+        k: L::Real,
+        chosen: L::Mask,
+    ) {
+        let Some(integrals) = &scene.integrals else { return };
+        let passage = scene.passage(rays, k);
+        let highest = passage[0].max(passage[1]).max(passage[2]);
+        let shows = scene.may_show(rays, k, highest, chosen);
+        if !shows.any() {
+            return;
+        }
+        let passed = integrals.passed(passage);
+        let opacity = passed.opacity();
+        let shows = shows & scene.number(0.0).lt(opacity);
         if !shows.any() {
             return;
         }
         let before = sum.opacity;
-        let weight = (number(1.0) - before) * opacity;
-        sum.note(self, k, shows);
-        sum.opacity = (before + weight).or_where_not(shows, before);
-        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
-        if pending.len >= L::COUNT {
-            self.light_pending(pending);
+        let _ = sum.add(scene, k, opacity, shows);
+        let left = scene.number(1.0) - before;
+        let (quarter, little) = (scene.number(0.25), opacity * scene.number(LITTLE));
+        let (front, back) = (passed.front, passed.back);
+        let front_place = quarter.or_where_not(front[3].lt(little), -quarter);
+        let back_place = (-quarter).or_where_not(back[3].lt(little), quarter);
+        for (half, place) in [(front, front_place), (back, back_place)] {
+            let Triple([x, y, z]) = rays.sample_voxel(k + place);
+            let [r, g, b, added] = half;
+            pending.push([x, y, z, r, g, b, left * added], shows);
         }
     }
 
-    /// Lights the oldest pending samples, one in each lane.
     #[inline(always)]
-    fn light_pending(&self, pending: &mut Pending<L>) {
-        let ([x, y, z, hu, weight], direction) = pending.front();
-        let rgb = self.colors.rgb(hu);
-        // Lanes without a sample read the middle of the volume: cells at its edges are slow.
-        let is_sample = self.lanes.first(pending.len);
-        let p = Triple([x, y, z]).or_where_not([is_sample; 3], self.field.middle());
-        let lit = if self.light.needs_gradient {
-            self.light.lit(rgb, self.field.gradient(p), direction)
-        } else {
-            self.light.ambient(rgb)
-        };
-        pending.add(lit.scaled(weight));
+    fn waiting(_scene: &Scene<'_, L>, [x, y, z, r, g, b, weight]: [L::Real; 7]) -> Waiting<L> {
+        Waiting { rgb: Triple([r, g, b]), p: Triple([x, y, z]), weight }
     }
 }
 
 impl<L: Lanes> Gathered<L> {
+    /// Blends samples k of these opacities, which are visible in the chosen lanes; returns their
+    /// weights.
+    #[inline(always)]
+    fn add(&mut self, scene: &Scene<'_, L>, k: L::Real, opacity: L::Real, shows: L::Mask) -> L::Real {
+        let before = self.opacity;
+        let weight = (scene.number(1.0) - before) * opacity;
+        self.note(scene, k, shows);
+        self.opacity = (before + weight).or_where_not(shows, before);
+        weight
+    }
+
     /// Notes samples k, which are visible in the chosen lanes, before they are blended.
     #[inline(always)]
     fn note(&mut self, scene: &Scene<'_, L>, k: L::Real, shows: L::Mask) {
-        let number = |x: f64| scene.lanes.splat(x);
         let before = self.opacity;
         self.first = self.first.min(k).or_where_not(shows, self.first);
-        let is_early = shows & before.lt(scene.depth_fraction * number(OPAQUE));
-        let follows = (k - number(1.0)).le(self.last);
+        let is_early = shows & before.lt(scene.depth_fraction * scene.number(OPAQUE));
+        let follows = (k - scene.number(1.0)).le(self.last);
         let before_both = self.before_last.or_where_not(follows, before);
         self.crossing = k.or_where_not(is_early, self.crossing);
         self.before_crossing = [
@@ -161,90 +360,5 @@ impl<L: Lanes> Gathered<L> {
         ];
         self.last = k.or_where_not(shows, self.last);
         self.before_last = before.or_where_not(shows, self.before_last);
-    }
-}
-
-/// Visible samples that are not lit yet, and the colours of those that are.
-struct Pending<L: Lanes> {
-    lanes: L,
-    /// Positions along i, j, k; values; and weights.
-    samples: [[L::Scalar; 3 * MOST_LANES]; 5],
-    /// The lanes of their rays.
-    rays: [u8; 3 * MOST_LANES],
-    len: usize,
-    directions: [[L::Scalar; MOST_LANES]; 3],
-    sums: [[L::Scalar; MOST_LANES]; 3],
-}
-
-impl<L: Lanes> Pending<L> {
-    #[inline(always)]
-    fn new(lanes: L, rays: &Rays<L>) -> Self {
-        let zero = lanes.scalar(0.0);
-        let mut directions = [[zero; MOST_LANES]; 3];
-        rays.direction.0[0].store(&mut directions[0]);
-        rays.direction.0[1].store(&mut directions[1]);
-        rays.direction.0[2].store(&mut directions[2]);
-        let samples = [[zero; 3 * MOST_LANES]; 5];
-        let (rays, sums) = ([0; 3 * MOST_LANES], [[zero; MOST_LANES]; 3]);
-        Self { lanes, samples, rays, len: 0, directions, sums }
-    }
-
-    /// Appends the samples of the chosen lanes. Fewer than there are lanes wait.
-    #[inline(always)]
-    fn push(&mut self, sample: [L::Real; 5], chosen: L::Mask) {
-        let [x, y, z, hu, weight] = sample;
-        let [xs, ys, zs, values, weights] = &mut self.samples;
-        self.lanes.gathered(x, chosen).store(&mut xs[self.len..]);
-        self.lanes.gathered(y, chosen).store(&mut ys[self.len..]);
-        self.lanes.gathered(z, chosen).store(&mut zs[self.len..]);
-        self.lanes.gathered(hu, chosen).store(&mut values[self.len..]);
-        self.lanes.gathered(weight, chosen).store(&mut weights[self.len..]);
-        let mut bits = chosen.bits();
-        while bits != 0 {
-            self.rays[self.len] = bits.trailing_zeros() as u8;
-            self.len += 1;
-            bits &= bits - 1;
-        }
-    }
-
-    /// The first samples, one in each lane, and the directions of their rays. Lanes beyond those
-    /// that wait hold older samples.
-    #[inline(always)]
-    fn front(&self) -> ([L::Real; 5], Triple<L::Real>) {
-        let load = |component: usize| self.lanes.load(&self.samples[component]);
-        let along = |axis: usize| self.lanes.chosen(&self.directions[axis], &self.rays);
-        ([load(0), load(1), load(2), load(3), load(4)], Triple([along(0), along(1), along(2)]))
-    }
-
-    /// Adds the light of the first samples to their rays, and forgets them.
-    #[inline(always)]
-    fn add(&mut self, light: Triple<L::Real>) {
-        let done = self.len.min(L::COUNT);
-        let mut shares = [[self.lanes.scalar(0.0); MOST_LANES]; 3];
-        light.0[0].store(&mut shares[0]);
-        light.0[1].store(&mut shares[1]);
-        light.0[2].store(&mut shares[2]);
-        for (sums, shares) in self.sums.iter_mut().zip(&shares) {
-            for (share, &ray) in shares[..done].iter().zip(&self.rays) {
-                let sum = &mut sums[usize::from(ray) % MOST_LANES];
-                *sum = *sum + *share;
-            }
-        }
-        self.len -= done;
-        if self.len > 0 {
-            for component in &mut self.samples {
-                self.lanes.load(&component[L::COUNT..]).store(component);
-            }
-            for i in 0..self.len {
-                self.rays[i] = self.rays[i + L::COUNT];
-            }
-        }
-    }
-
-    /// The colours of the rays.
-    #[inline(always)]
-    fn colors(&self) -> Triple<L::Real> {
-        let [red, green, blue] = &self.sums;
-        Triple([self.lanes.load(red), self.lanes.load(green), self.lanes.load(blue)])
     }
 }

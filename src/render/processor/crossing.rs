@@ -5,8 +5,9 @@
 
 use relief_lanes::{Lanes, Mask as _, Real as _};
 
-use super::composite::{Gathered, OPAQUE, Scene};
+use super::composite::{Gathered, OPAQUE};
 use super::ray::Rays;
+use super::scene::Scene;
 use super::walk::{Bricks, Walk};
 
 /// Parts into which each level divides the neighbourhood of a crossing.
@@ -14,7 +15,9 @@ const PARTS: usize = 4;
 /// Levels of parts.
 const LEVELS: usize = 3;
 /// Halvings of the interval in which a ray becomes visible.
-const BISECTIONS: usize = 12;
+pub(super) const BISECTIONS: usize = 12;
+/// Parts of a pre-integrated sample's path in which something visible is looked for.
+const PATH_PARTS: usize = 16;
 
 /// A search part by part, that each lane ends at its crossing or behind its last part.
 struct Search<L: Lanes> {
@@ -31,29 +34,23 @@ struct Search<L: Lanes> {
 }
 
 impl<L: Lanes> Scene<'_, L> {
-    #[inline(always)]
-    fn number(&self, x: f64) -> L::Real {
-        self.lanes.splat(x)
-    }
-
-    /// Opacity over one sample distance at t mm, of these values.
-    #[inline(always)]
-    fn shown_opacity(&self, rays: &Rays<L>, t: L::Real, hu: L::Real) -> L::Real {
-        let opacity = self.colors.opacity(hu);
-        if self.is_cut { self.number(0.0).or_where_not(rays.is_cut(t), opacity) } else { opacity }
-    }
-
-    #[inline(always)]
-    fn opacity_at(&self, rays: &Rays<L>, t: L::Real) -> L::Real {
-        self.shown_opacity(rays, t, self.field.hu(rays.voxel_at(t)))
-    }
-
     /// Where opacity leaves zero between the sample before the first visible one and that one.
     #[inline(always)]
     pub(super) fn first_hit(&self, rays: &Rays<L>, first: L::Real) -> L::Real {
         let (zero, half) = (self.number(0.0), self.number(0.5));
         let mut outside = rays.entry.max(self.view.sample_t(rays, first - self.number(1.0)));
         let mut inside = self.view.sample_t(rays, first);
+        if self.integrals.is_some() {
+            // A pre-integrated sample may be visible anywhere on its path.
+            let part = self.view.distance_mm() / self.number(PATH_PARTS as f64);
+            outside = rays.entry.max(self.view.sample_t(rays, first - half));
+            inside = outside;
+            for _ in 0..PATH_PARTS {
+                let is_invisible = self.opacity_at(rays, inside).le(zero);
+                outside = inside.or_where_not(is_invisible, outside);
+                inside = (inside + part).min(rays.exit).or_where_not(is_invisible, inside);
+            }
+        }
         let is_inside = zero.lt(self.opacity_at(rays, outside));
         let at_once = outside;
         for _ in 0..BISECTIONS {
@@ -65,7 +62,7 @@ impl<L: Lanes> Scene<'_, L> {
         at_once.or_where_not(is_inside, inside)
     }
 
-    /// Where accumulated opacity crosses its share of the chosen rays' final opacity: first the
+    /// Where accumulated opacity crosses its share of `opacity`, the chosen rays' final one: first the
     /// sample whose slab holds the crossing, then finer and finer parts of that slab and of the one
     /// before it.
     #[inline(always)]
@@ -74,12 +71,13 @@ impl<L: Lanes> Scene<'_, L> {
         rays: &Rays<L>,
         walk: &Walk<L>,
         sum: &Gathered<L>,
+        opacity: L::Real,
         chosen: L::Mask,
     ) -> L::Real {
         let (zero, one) = (self.number(0.0), self.number(1.0));
-        let target = self.depth_fraction * sum.opacity;
+        let target = self.depth_fraction * opacity;
         let count = self.view.sample_counts(rays);
-        let is_opaque = self.number(OPAQUE).le(sum.opacity);
+        let is_opaque = self.number(OPAQUE).le(opacity);
         let mut before = sum.before_crossing[0].or_where_not(is_opaque, zero);
         let mut accumulated = sum.before_crossing[1].or_where_not(is_opaque, zero);
         let mut k = sum.crossing.or_where_not(is_opaque, sum.first);
@@ -93,7 +91,7 @@ impl<L: Lanes> Scene<'_, L> {
             let skips = Bricks::<L>::skipping(k, next_k, searching);
             let skips = skips.unwrap_or(searching & !searching);
             let taken = searching & !skips;
-            let opacity = self.opacity_at(rays, self.view.sample_t(rays, k));
+            let opacity = self.sample_opacity(rays, k);
             let next = accumulated + (one - accumulated) * opacity;
             let goes_on = taken & next.lt(target);
             let moved = goes_on | skips;
@@ -111,8 +109,8 @@ impl<L: Lanes> Scene<'_, L> {
     /// The crossing within `slabs` sample distances, one or two, from `begin` (mm) on; with the
     /// opacity before it, and the one that is crossed.
     ///
-    /// Values are read every quarter of a sample distance and are linear between: finer parts read
-    /// nothing.
+    /// The inputs of opacity are read every quarter of a sample distance and are linear between: finer
+    /// parts read nothing.
     #[inline(always)]
     fn refine_crossing(
         &self,
@@ -126,8 +124,10 @@ impl<L: Lanes> Scene<'_, L> {
         let (zero, one) = (number(0.0), number(1.0));
         let part = self.view.distance_mm() / number(PARTS as f64);
         let end_of = |j: f64| begin + number(j) * part;
-        // Values at the ends of the part before, and of the part that holds the crossing.
-        let (mut early, mut middle, mut late) = (zero, zero, self.field.hu(rays.voxel_at(begin)));
+        // Inputs at the ends of the part before, and of the part that holds the crossing.
+        let nothing = [zero; 2];
+        let (mut early, mut middle) = (nothing, nothing);
+        let mut late = self.opacity_basis(rays.voxel_at(begin));
         let mut this_middle = late;
         let mut search = self.search(slabs * number(PARTS as f64), before, chosen);
         for j in 0..2 * PARTS {
@@ -135,13 +135,13 @@ impl<L: Lanes> Scene<'_, L> {
                 break;
             }
             let this = this_middle;
-            this_middle = self.field.hu(rays.voxel_at(end_of((j + 1) as f64)));
+            this_middle = self.opacity_basis(rays.voxel_at(end_of((j + 1) as f64)));
             let t = end_of(j as f64 + 0.5);
             let open = search.open();
-            let opacity = self.shown_opacity(rays, t, this.lerp(this_middle, number(0.5)));
-            early = middle.or_where_not(open, early);
-            middle = this.or_where_not(open, middle);
-            late = this_middle.or_where_not(open, late);
+            let opacity = self.shown_opacity(rays, t, between(this, this_middle, number(0.5)));
+            early = chosen_of(open, middle, early);
+            middle = chosen_of(open, this, middle);
+            late = chosen_of(open, this_middle, late);
             search.look(self, j, part_opacity(self, opacity, 1), target);
         }
         let is_missed = chosen & !search.found;
@@ -160,9 +160,10 @@ impl<L: Lanes> Scene<'_, L> {
                     break;
                 }
                 let place = start + number((j as f64 + 0.5) * size);
-                let hu =
-                    middle.lerp(late, place - one).or_where_not(one.lt(place), early.lerp(middle, place));
-                let opacity = self.shown_opacity(rays, origin + place * part, hu);
+                let is_late = one.lt(place);
+                let basis =
+                    chosen_of(is_late, between(middle, late, place - one), between(early, middle, place));
+                let opacity = self.shown_opacity(rays, origin + place * part, basis);
                 finer.look(self, j, part_opacity(self, opacity, level), target);
             }
             let share = self.share_of_part(finer.opacity, finer.accumulated, target);
@@ -191,6 +192,17 @@ impl<L: Lanes> Scene<'_, L> {
         let (zero, found) = (self.number(0.0), !chosen & chosen);
         Search { parts, chosen, found, part: zero, settled: before, accumulated: before, opacity: zero }
     }
+}
+
+#[inline(always)]
+fn between<R: relief_lanes::Real>([hu, factor]: [R; 2], to: [R; 2], share: R) -> [R; 2] {
+    [hu.lerp(to[0], share), factor.lerp(to[1], share)]
+}
+
+/// One where the mask holds, and the other elsewhere.
+#[inline(always)]
+fn chosen_of<R: relief_lanes::Real>(mask: R::Mask, one: [R; 2], other: [R; 2]) -> [R; 2] {
+    [one[0].or_where_not(mask, other[0]), one[1].or_where_not(mask, other[1])]
 }
 
 /// Opacity of 1/4^level of a sample's path: `1 - (1 - a)^(1 / 4^level)`, by square roots.

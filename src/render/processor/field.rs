@@ -28,22 +28,25 @@ struct Cell<L: Lanes> {
     at: L::Index,
 }
 
-/// Whether a volume can be read: cells have two voxels along each axis, and places 31 bits.
+/// Whether a volume can be read: rows have two voxels, and places 31 bits.
 pub(super) fn can_read(dims: [usize; 3]) -> bool {
     let voxels = dims.iter().try_fold(1usize, |product, &side| product.checked_mul(side));
-    dims.iter().all(|&side| side >= 2) && voxels.is_some_and(|voxels| i32::try_from(voxels).is_ok())
+    dims[0] >= 2 && voxels.is_some_and(|voxels| i32::try_from(voxels).is_ok())
 }
 
 impl<'a, L: Lanes> Field<'a, L> {
     #[inline(always)]
     pub(super) fn new(lanes: L, volume: &'a Volume) -> Self {
         let [nx, ny, nz] = volume.grid().dims();
-        let behind = |voxels: usize| Triple([nx, ny, nz].map(|side| lanes.splat((side - voxels) as f64)));
+        let behind =
+            |voxels: usize| Triple([nx, ny, nz].map(|side| lanes.splat(side.saturating_sub(voxels) as f64)));
+        // A single row or layer has itself as its neighbour.
+        let stride = |side: usize, voxels: usize| if side > 1 { voxels as i32 } else { 0 };
         let columns = patient_from_voxel_gradient(volume.grid()).to_cols_array_2d();
         Self {
             lanes,
             voxels_hu: volume.voxels_hu(),
-            strides: [nx as i32, (nx * ny) as i32],
+            strides: [stride(ny, nx), stride(nz, nx * ny)],
             last: behind(1),
             last_base: behind(2),
             patient_from_voxel_gradient: columns.map(|column| Triple(column.map(|x| lanes.splat(x)))),
@@ -133,7 +136,7 @@ impl<'a, L: Lanes> Field<'a, L> {
         let steps =
             Triple([self.lanes.splat(x.into()), self.lanes.splat(y.into()), self.lanes.splat(z.into())]);
         let at = cell.base.plus(steps).max(Triple::of(self.lanes.splat(0.0))).min(self.last);
-        self.lanes.shorts(self.voxels_hu, self.lanes.places(at, self.strides))
+        self.lanes.numbers(self.voxels_hu, self.lanes.places(at, self.strides))
     }
 }
 

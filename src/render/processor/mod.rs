@@ -1,44 +1,71 @@
-//! The renderer on the processor: rays are cast by vector instructions, without any graphics driver.
+//! The ray caster in lanes: rays are cast by the processor's vector instructions, without any graphics
+//! driver.
 //!
-//! It casts composite pictures; [`left_by_processor`] names the part of a request that it leaves to
-//! a graphics adapter. Its functions follow the shaders and have their names. They are generic over
-//! lanes: eight of 32 bits render pictures, and tests compare one of 64 bits with `reference`.
+//! Its functions follow the shaders and have their names. They are generic over lanes: eight of 32
+//! bits render pictures, and one of 64 bits is the reference that shaders are compared with (see
+//! `reference`). [`left_by_processor`] names the part of a request that it leaves to a graphics
+//! adapter.
+//!
+//! | here | shader |
+//! |---|---|
+//! | `ray` | `shaders/lib/frame.wgsl` |
+//! | `field` | `shaders/lib/volume.wgsl` |
+//! | `walk` | `shaders/lib/walk.wgsl` |
+//! | `color` | `shaders/lib/classify.wgsl` |
+//! | `sample` | `shaders/lib/gradient.wgsl` |
+//! | `segments` | `shaders/lib/labels.wgsl` |
+//! | `passage` | `shaders/lib/passage.wgsl` |
+//! | `lights` | `shaders/lib/lights.wgsl` |
+//! | `light_cells` | `shaders/illuminate.wgsl` |
+//! | `composite` | `shaders/raycast.wgsl` |
+//! | `crossing` | `shaders/raycast/crossing.wgsl` |
+//! | `depth_rules` | `shaders/lib/depth_rules.wgsl` |
+//! | `surfaces` | `shaders/raycast/isosurface.wgsl` |
+//! | `project` | `shaders/raycast/project.wgsl` |
+//! | `slice` | `shaders/slice.wgsl` |
 //!
 //! Spaces: see each module. Voxels are read in place; the cache holds ranges of bricks.
 
+mod cast;
 mod color;
 mod composite;
 mod crossing;
+mod depth_rules;
 mod field;
+mod light_cells;
+mod lights;
+mod passage;
+mod pending;
 mod prepared;
+mod project;
 mod ray;
+mod reference;
+mod sample;
+mod scene;
+mod segments;
+mod slice;
+mod surfaces;
 mod tiles;
 mod walk;
 
-use std::time::Instant;
+#[cfg(test)]
+mod tests;
 
-use rayon::prelude::*;
-use relief_lanes::{Level, dispatch};
+use relief_lanes::Level;
 
 use super::bands::Bands;
-use super::classification::Classification;
 use super::error::RenderError;
-use super::frame::{RenderedFrame, Timings};
+use super::frame::RenderedFrame;
 use super::mode::Mode;
-use super::region::Region;
-use super::request::{DepthRule, RenderRequest};
+use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
-use super::target::background;
 use super::watch::Watch;
 use crate::gpu::{AdapterDescription, AdapterKind};
-use crate::limits::depth_limits;
+use cast::{Order, Width};
 use prepared::Cache;
+pub use reference::render_reference;
 use relief_volume::{ContentHash, Volume};
-use tiles::{Job, Rows};
-
-/// Rows of pixels that a thread takes at a time.
-const ROWS: u32 = 4;
 
 /// The renderer on the processor.
 pub(super) struct Processor {
@@ -46,9 +73,6 @@ pub(super) struct Processor {
     cache: Cache,
     bands: Bands,
 }
-
-#[cfg(test)]
-mod tests;
 
 impl Processor {
     pub(super) fn new() -> Self {
@@ -81,41 +105,9 @@ impl Processor {
         limits: &VolumeLimits,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
-        let start = Instant::now();
-        let plan = limits.plan(volume.grid().dims())?;
-        let (prepared, is_new) = self.cache.prepare(volume, request, &plan);
-        let upload_ms = if is_new { milliseconds(start) } else { 0.0 };
-        let start = Instant::now();
-        let region = match skipping {
-            EmptySpaceSkipping::Off => Region::whole(request.size_px),
-            EmptySpaceSkipping::On => Region::of(request, volume.grid(), &prepared.bricks),
-        };
-        let [width, height] = request.size_px.map(|side| side as usize);
-        let mut color_rgba = vec![background(request); width * height];
-        let mut depth_mm = vec![f32::INFINITY; width * height];
-        let job = Job { volume, request, prepared, skipping };
-        let level = self.level;
-        let cast = |first_row: u32, rows: u32| {
-            let pixels = first_row as usize * width..(first_row + rows) as usize * width;
-            let chunk = ROWS as usize * width;
-            let colors = color_rgba[pixels.clone()].par_chunks_mut(chunk);
-            let depths = depth_mm[pixels].par_chunks_mut(chunk);
-            colors.zip(depths).enumerate().for_each(|(i, (color_rgba, depth_mm))| {
-                let first = first_row + i as u32 * ROWS;
-                dispatch(level, Rows { job, region, first, color_rgba, depth_mm });
-            });
-        };
-        self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, cast, watch)?;
-        Ok(RenderedFrame {
-            size_px: request.size_px,
-            color_rgba,
-            depth_mm,
-            back: None,
-            camera: request.camera,
-            limits: depth_limits(&request.camera, volume.grid()),
-            nearest_ball_mm: None,
-            timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
-        })
+        let plan = &limits.plan(volume.grid().dims())?;
+        let (width, bands) = (Width::Eight(self.level), self.bands);
+        Order { volume, request, skipping, plan, width, bands }.cast(&mut self.cache, watch)
     }
 
     /// Makes bands short or long: see [`super::Renderer::set_short_bands`].
@@ -143,20 +135,8 @@ impl Processor {
 /// mode`; `None` where it casts all.
 #[must_use]
 pub fn left_by_processor(volume: &Volume, request: &RenderRequest) -> Option<&'static str> {
-    let has_rule = matches!(request.depth, DepthRule::Threshold { .. } | DepthRule::FirstHit);
-    [
-        (request.mode != Mode::Composite, "its mode"),
-        (request.classification != Classification::Sampled, "its classification"),
-        (!has_rule, "its depth rule"),
-        (request.labels.is_some(), "its segments"),
-        (request.has_own_light(), "its lights"),
-        (request.transfer.gradient_opacity().is_some(), "its opacity by gradient"),
-        (!field::can_read(volume.grid().dims()), "the size of its volume"),
-    ]
-    .into_iter()
-    .find_map(|(is_beyond, part)| is_beyond.then_some(part))
-}
-
-fn milliseconds(since: Instant) -> f64 {
-    since.elapsed().as_secs_f64() * 1e3
+    if request.mode == Mode::PathTraced {
+        return Some("its mode");
+    }
+    (!field::can_read(volume.grid().dims())).then_some("the size of its volume")
 }

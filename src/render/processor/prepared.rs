@@ -1,39 +1,82 @@
-//! The cache of the processor's ray caster: ranges of bricks of volumes, tables and maps of empty
-//! space of appearances. Voxels are not copied.
+//! The cache of the processor's ray caster: ranges of bricks of volumes, segments of bricks of label
+//! maps, tables and maps of empty space of appearances, and light in cells. Voxels are not copied.
+
+use std::sync::Arc;
 
 use super::super::appearance::{AppearanceKey, VisibleBricks, VolumeBricks};
 use super::super::request::RenderRequest;
 use super::super::store::MemoryUse;
 use super::super::tables::Tables;
+use super::super::uniform::paths_end_in_neighbours;
 use super::super::volume_plan::VolumePlan;
-use relief_volume::{ContentHash, DistanceMap, Volume};
+use super::light_cells::LightCells;
+use crate::illumination::{FillingKey, LightQuantity};
+use relief_volume::{BrickLabels, ContentHash, DistanceMap, LabelMap, Volume};
 
 /// Most volumes, and most appearances, in the cache.
 const KEPT: usize = 16;
+/// Most label maps.
+const KEPT_LABELS: usize = 4;
+/// Most fillings of cells with light.
+const KEPT_LIGHT: usize = 4;
 
-/// The tables of an appearance, and the empty space of a volume under it.
-pub(super) struct Prepared {
-    key: AppearanceKey,
+/// The tables of a request, as rays look them up.
+pub(super) struct Looks {
     pub(super) tables: Tables,
     /// The opacities of the first table.
     pub(super) opacities: Vec<f32>,
+    /// With segments, all tables and looks.
+    pub(super) entries: Vec<[f32; 4]>,
+    /// Whether bricks can be skipped: a pre-integrated sample's path must not reach beyond the bricks
+    /// next to its own.
+    pub(super) paths_end_in_neighbours: bool,
+}
+
+/// The looks of an appearance, and the empty space of a volume under it.
+pub(super) struct Prepared {
+    key: AppearanceKey,
+    pub(super) looks: Looks,
     pub(super) map: DistanceMap,
     pub(super) bricks: VisibleBricks,
 }
 
-/// Bricks of volumes and appearances, least recently used first.
+/// The segments that occur in the bricks of a label map.
+struct Segmented {
+    volume: ContentHash,
+    map: ContentHash,
+    bricks: Arc<BrickLabels>,
+}
+
+/// Cells filled with one kind of light.
+struct Filling {
+    key: FillingKey,
+    cells: LightCells,
+}
+
+/// Parts of volumes and appearances, least recently used first.
 #[derive(Default)]
 pub(super) struct Cache {
     volumes: Vec<(ContentHash, VolumeBricks)>,
+    labels: Vec<Segmented>,
     appearances: Vec<Prepared>,
+    fillings: Vec<Filling>,
     /// Volumes that were prepared since the start.
     made: u64,
 }
 
-impl Prepared {
-    fn bytes(&self) -> u64 {
-        let table = self.tables.own.entries.len() * (size_of::<[f32; 4]>() + size_of::<f32>());
-        (table + self.map.distances.len()) as u64
+impl Looks {
+    /// The looks of a request on a volume with bricks of this edge.
+    pub(super) fn new(request: &RenderRequest, volume: &Volume, brick_edge: usize) -> Self {
+        let tables = Tables::new(request);
+        let opacities = tables.own.entries.iter().map(|entry| entry[3]).collect();
+        let entries = if request.labels.is_some() { tables.buffer() } else { Vec::new() };
+        let paths_end_in_neighbours = paths_end_in_neighbours(request, volume.grid(), brick_edge);
+        Self { tables, opacities, entries, paths_end_in_neighbours }
+    }
+
+    fn bytes(&self) -> usize {
+        let own = self.tables.own.entries.len() * (size_of::<[f32; 4]>() + size_of::<f32>());
+        own + size_of_val(self.entries.as_slice())
     }
 }
 
@@ -54,47 +97,89 @@ impl Cache {
         match at {
             Some(at) => self.volumes[at..].rotate_left(1),
             None => {
-                make_room(&mut self.volumes);
+                make_room(&mut self.volumes, KEPT);
                 self.made += 1;
                 self.volumes.push((hash, VolumeBricks::new(volume, plan)));
             }
         }
+        let segments = request.labels.as_ref().map(|labels| self.segments(hash, &labels.map, plan));
         let (_, bricks) = self.volumes.last().expect("made or found");
         let tables = Tables::new(request);
-        let mut map = bricks.distance_map(None, request, &tables, f32::from);
-        let opacities = tables.own.entries.iter().map(|entry| entry[3]).collect();
+        let mut map = bricks.distance_map(segments.as_deref(), request, &tables, f32::from);
         let bricks = VisibleBricks::new(&map, request);
         // Rays read four bytes at a time.
         map.distances.extend([0; 3]);
-        make_room(&mut self.appearances);
+        let looks = Looks::new(request, volume, map.edge);
+        make_room(&mut self.appearances, KEPT);
         let key = AppearanceKey::new(hash, request);
-        self.appearances.push(Prepared { key, tables, opacities, map, bricks });
+        self.appearances.push(Prepared { key, looks, map, bricks });
         (self.appearances.last().expect("just made"), true)
+    }
+
+    fn segments(&mut self, volume: ContentHash, map: &LabelMap, plan: &VolumePlan) -> Arc<BrickLabels> {
+        let hash = map.content_hash();
+        let at = self.labels.iter().position(|known| known.volume == volume && known.map == hash);
+        if let Some(at) = at {
+            self.labels[at..].rotate_left(1);
+        } else {
+            make_room(&mut self.labels, KEPT_LABELS);
+            let bricks = Arc::new(BrickLabels::new(map, plan.brick_edge));
+            self.labels.push(Segmented { volume, map: hash, bricks });
+        }
+        self.labels.last().expect("made or found").bricks.clone()
+    }
+
+    /// Cells that were filled for a request, if they are in the cache.
+    pub(super) fn light(
+        &mut self,
+        volume: ContentHash,
+        request: &RenderRequest,
+        quantity: &LightQuantity,
+    ) -> Option<LightCells> {
+        let key = FillingKey::new(volume, request, quantity.clone());
+        let at = self.fillings.iter().position(|known| known.key == key)?;
+        self.fillings[at..].rotate_left(1);
+        self.fillings.last().map(|filling| filling.cells.clone())
+    }
+
+    /// Puts filled cells into the cache.
+    pub(super) fn put_light(
+        &mut self,
+        volume: ContentHash,
+        request: &RenderRequest,
+        quantity: LightQuantity,
+        cells: LightCells,
+    ) {
+        make_room(&mut self.fillings, KEPT_LIGHT);
+        self.fillings.push(Filling { key: FillingKey::new(volume, request, quantity), cells });
     }
 
     /// The size of the cache, without a limit of bytes.
     pub(super) fn memory(&self) -> MemoryUse {
-        let ranges = |bricks: &VolumeBricks| bricks.bytes();
-        let volumes: u64 = self.volumes.iter().map(|(_, bricks)| ranges(bricks)).sum();
-        let appearances: u64 = self.appearances.iter().map(Prepared::bytes).sum();
-        let used_bytes = volumes + appearances;
+        let volumes: u64 = self.volumes.iter().map(|(_, bricks)| bricks.bytes()).sum();
+        let looks = |known: &Prepared| (known.looks.bytes() + known.map.distances.len()) as u64;
+        let appearances: u64 = self.appearances.iter().map(looks).sum();
+        let light: u64 = self.fillings.iter().map(|filling| filling.cells.bytes()).sum();
+        let used_bytes = volumes + appearances + light;
         MemoryUse { volumes: self.volumes.len(), used_bytes, uploads: self.made, ..MemoryUse::default() }
     }
 
-    /// Drops a volume and its appearances.
+    /// Drops a volume and all that depends on it.
     pub(super) fn forget(&mut self, volume: ContentHash) {
         self.volumes.retain(|(known, _)| *known != volume);
+        self.labels.retain(|known| known.volume != volume);
         self.appearances.retain(|known| known.key.volume != volume);
+        self.fillings.retain(|known| known.key.volume != volume);
     }
 
     /// Drops everything.
     pub(super) fn clear(&mut self) {
-        (self.volumes, self.appearances) = (Vec::new(), Vec::new());
+        *self = Self { made: self.made, ..Self::default() };
     }
 }
 
-fn make_room<T>(kept: &mut Vec<T>) {
-    if kept.len() == KEPT {
+fn make_room<T>(kept: &mut Vec<T>, most: usize) {
+    if kept.len() == most {
         kept.remove(0);
     }
 }

@@ -127,6 +127,36 @@ impl<L: Lanes> View<L> {
         }
     }
 
+    /// Rays from places in start space, at most `longest` mm long, with sample 0 at `first` mm.
+    #[inline(always)]
+    pub(super) fn rays_from(
+        &self,
+        origin: Triple<L::Real>,
+        direction: Triple<L::Real>,
+        longest: L::Real,
+        first: L::Real,
+    ) -> Rays<L> {
+        let (zero, half) = (self.lanes.splat(0.0), self.lanes.splat(0.5));
+        let [a, b, c, moved] = self.voxel_from_start;
+        let origin_voxel = Triple::of_columns([a, b, c], origin).plus(moved);
+        let step_voxel = Triple::of_columns([a, b, c], direction);
+        let [entry, exit] = self.box_interval(origin_voxel, step_voxel, half);
+        let inside = [entry.max(zero), exit.min(longest)];
+        let [entry, exit] = self.clip_interval(origin, direction, inside);
+        Rays {
+            direction: Triple::of_columns(self.patient_from_view, direction),
+            origin_voxel,
+            step_voxel,
+            entry,
+            exit,
+            cut: self.cut_interval(origin, direction),
+            first,
+            first_voxel: origin_voxel.plus_times(step_voxel, first),
+            sample_voxels: step_voxel.scaled(self.distance_mm),
+            depth_step: -direction.0[2],
+        }
+    }
+
     /// Where rays are inside the box of voxel centres, grown by `margin` voxels.
     #[inline(always)]
     fn box_interval(&self, origin: Triple<L::Real>, step: Triple<L::Real>, margin: L::Real) -> [L::Real; 2] {

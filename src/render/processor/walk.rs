@@ -20,12 +20,14 @@ const NEVER: f64 = 1e6;
 /// The bricks of a volume, and which of them may show something.
 pub(super) struct Bricks<'a, L: Lanes> {
     lanes: L,
-    /// `None` where every sample is taken.
-    map: Option<&'a DistanceMap>,
+    map: &'a DistanceMap,
+    skips: bool,
     per_voxel: L::Real,
     last: Triple<L::Real>,
     /// Bricks of a row and of a layer.
     strides: [L::Real; 2],
+    /// Bricks beside its own that a sample reaches into, as the path of a pre-integrated one does.
+    reach: L::Real,
 }
 
 /// The brick positions of rays, and the samples at which rays leave bricks, as linear functions of
@@ -42,14 +44,16 @@ pub(super) struct Walk<L: Lanes> {
 
 impl<'a, L: Lanes> Bricks<'a, L> {
     #[inline(always)]
-    pub(super) fn new(lanes: L, map: &'a DistanceMap, skips: bool) -> Self {
+    pub(super) fn new(lanes: L, map: &'a DistanceMap, skips: bool, has_paths: bool) -> Self {
         let [nx, ny, nz] = map.dims;
         Self {
             lanes,
-            map: skips.then_some(map),
+            map,
+            skips,
             per_voxel: lanes.splat(1.0 / map.edge as f64),
             last: Triple([nx, ny, nz].map(|side| lanes.splat((side - 1) as f64))),
             strides: [lanes.splat(nx as f64), lanes.splat((nx * ny) as f64)],
+            reach: lanes.splat(u8::from(has_paths).into()),
         }
     }
 
@@ -75,17 +79,39 @@ impl<'a, L: Lanes> Bricks<'a, L> {
     /// something.
     #[inline(always)]
     pub(super) fn next_sample(&self, walk: &Walk<L>, k: L::Real) -> L::Real {
-        let Some(map) = self.map else { return k };
+        if !self.skips {
+            return k;
+        }
         let number = |x: f64| self.lanes.splat(x);
-        let brick = walk.brick.plus_times(walk.brick_step, k);
-        let brick = brick.floor().max(Triple::of(number(0.0))).min(self.last);
-        let (Triple([x, y, z]), [row, layer]) = (brick, self.strides);
-        // Exact: there are at most 2^24 bricks.
-        let at = self.lanes.place(x + y * row + z * layer);
-        let distance = self.lanes.bytes(&map.distances, at);
+        let brick = self.within(walk.brick.plus_times(walk.brick_step, k));
+        let distance = (self.distance_of(brick) - self.reach).max(number(0.0));
         let leave = brick.times(walk.per_brick).plus_times(walk.per_distance, distance).plus(walk.constant);
         let next = leave.least().min(number(NEVER)).ceil().max(k + number(1.0));
         k.or_where_not(distance.lt(number(0.5)), next)
+    }
+
+    /// Distances, in bricks, from voxel indices to bricks that may show something.
+    #[inline(always)]
+    pub(super) fn distance(&self, voxel: Triple<L::Real>) -> L::Real {
+        self.distance_of(self.within(voxel.scaled(self.per_voxel)))
+    }
+
+    #[inline(always)]
+    fn within(&self, brick: Triple<L::Real>) -> Triple<L::Real> {
+        brick.floor().max(Triple::of(self.lanes.splat(0.0))).min(self.last)
+    }
+
+    #[inline(always)]
+    fn distance_of(&self, brick: Triple<L::Real>) -> L::Real {
+        let (Triple([x, y, z]), [row, layer]) = (brick, self.strides);
+        // Exact: there are at most 2^24 bricks.
+        self.lanes.bytes(&self.map.distances, self.lanes.place(x + y * row + z * layer))
+    }
+
+    /// Whether bricks are longer than the distance between samples along each axis.
+    #[inline(always)]
+    pub(super) fn are_longer_than_steps(&self, walk: &Walk<L>) -> L::Mask {
+        walk.brick_step.abs().largest().lt(self.lanes.splat(0.99))
     }
 
     /// Whether any of the chosen lanes would skip samples.
