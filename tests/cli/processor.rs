@@ -63,9 +63,9 @@ fn a_machine_without_a_driver_renders_and_measures() {
 fn what_the_processor_leaves_out_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let series = head(folder.path());
-    let out = folder.path().join("mip.png").to_str().unwrap().to_owned();
-    let scene = folder.path().join("mip.json").to_str().unwrap().to_owned();
-    std::fs::write(&scene, r#"{ "mode": "mip" }"#).unwrap();
+    let out = folder.path().join("paths.png").to_str().unwrap().to_owned();
+    let scene = folder.path().join("paths.json").to_str().unwrap().to_owned();
+    std::fs::write(&scene, r#"{ "mode": "path-traced", "path_trace": { "passes": 2 } }"#).unwrap();
     let render = [
         "render", "--series", &series, "--scene", &scene, "--size", "96x64", "--layout", "color", "--out",
         &out,

@@ -48,8 +48,11 @@ fn functions(text: &str) -> Vec<(usize, usize)> {
         if !is_function || code.starts_with("//") || code.ends_with([';', '}']) {
             continue;
         }
-        let close = format!("{}}}", &line[..line.len() - code.len()]);
-        if let Some(length) = lines[start..].iter().position(|line| *line == close) {
+        let indent = &line[..line.len() - code.len()];
+        let (body, parameters) = (format!("{indent}}}"), format!("{indent})"));
+        // A method that a trait declares has parameters and no body.
+        let is_end = |line: &&str| *line == body || line.starts_with(&parameters) && line.ends_with(';');
+        if let Some(length) = lines[start..].iter().position(is_end) {
             functions.push((start + 1, length + 1));
         }
     }
