@@ -14,6 +14,7 @@
 //!
 //! Space: patient LPS, mm. Values: HU.
 
+mod facts;
 mod head;
 mod noise;
 mod sdf;
@@ -22,7 +23,8 @@ mod truth;
 
 use std::str::FromStr;
 
-use super::{Grid, LabelMap, Segment, Volume, stack_sha256};
+use super::{LabelMap, Segment, Volume, stack_sha256};
+use facts::{PhantomFacts, Placement};
 pub use truth::{Material, PhantomLandmark, PhantomTruth, Surface, SurfaceShape, TRUTH_SCHEMA};
 
 /// The kinds of phantoms.
@@ -251,41 +253,4 @@ impl Phantom {
     pub fn axes(size: usize) -> Result<Self, PhantomSizeError> {
         Ok(PhantomRecipe::new(PhantomKind::Axes).with_size(size)?.make())
     }
-}
-
-/// Dimensions and patient placement of the voxels to be made.
-#[derive(Clone, Copy, Debug)]
-struct Placement {
-    dims: [usize; 3],
-    spacing_mm: [f64; 3],
-    origin_mm: [f64; 3],
-}
-
-impl Placement {
-    /// Voxels that fill a box of `extent_mm` around `center_mm`.
-    fn centered(dims: [usize; 3], extent_mm: [f64; 3], center_mm: [f64; 3]) -> Self {
-        let spacing_mm = std::array::from_fn(|a| extent_mm[a] / dims[a] as f64);
-        let origin_mm = std::array::from_fn(|a| center_mm[a] - spacing_mm[a] * (dims[a] as f64 - 1.0) / 2.0);
-        Self { dims, spacing_mm, origin_mm }
-    }
-
-    fn grid(&self) -> Grid {
-        Grid::axis_aligned(self.dims, self.spacing_mm, self.origin_mm)
-            .expect("sizes are at least 16 and extents positive, so the grid holds voxels")
-    }
-
-    /// Patient coordinate of a voxel centre along one axis, mm.
-    fn coordinate(&self, axis: usize, index: usize) -> f64 {
-        self.origin_mm[axis] + self.spacing_mm[axis] * index as f64
-    }
-}
-
-/// The truth of a phantom, without its voxels.
-#[derive(Debug, Default)]
-struct PhantomFacts {
-    noise_sigma_hu: f64,
-    gradient_hu_per_mm: Option<[f64; 3]>,
-    materials: Vec<Material>,
-    surfaces: Vec<Surface>,
-    landmarks: Vec<PhantomLandmark>,
 }

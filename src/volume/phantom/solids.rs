@@ -7,7 +7,8 @@
 
 use rayon::prelude::*;
 
-use super::{Material, PhantomFacts, PhantomLandmark, Placement, Surface, SurfaceShape};
+use super::facts::{PhantomFacts, Placement};
+use super::truth::{Material, PhantomLandmark, Surface, SurfaceShape};
 
 const AIR_HU: f64 = -1000.0;
 const SPHERE_HU: f64 = 500.0;

@@ -24,9 +24,9 @@ mod vessels;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::facts::{PhantomFacts, Placement};
 use super::noise::grain;
 use super::sdf::Box3;
-use super::{PhantomFacts, Placement};
 use edge::Edge;
 use tissue::Anatomy;
 

@@ -7,6 +7,7 @@
 //! are in HU, opacities per mm or as the file defines.
 
 mod curve;
+mod draft;
 pub(crate) mod error;
 mod paraview;
 mod points;
@@ -14,11 +15,12 @@ mod slicer;
 mod slicer_json;
 mod space;
 
+pub use draft::ImportedLight;
 pub use error::MAX_IMPORT_BYTES;
 
 use self::curve::Curve;
-use self::space::ColorSpace;
 use super::{GradientOpacity, TransferFunction};
+use draft::{Draft, FoundFunction};
 use error::TransferImportError;
 
 /// Which function of a file, and where to put it.
@@ -42,32 +44,6 @@ pub struct ImportedTransfer {
     /// Properties of the file that the function does not represent, as sentences.
     pub left_out: Vec<String>,
 }
-
-/// Light as a volume property has it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImportedLight {
-    /// Ambient, diffuse and specular share, 0..1.
-    pub shares: [f64; 3],
-    /// Exponent of the highlight, 1..1000.
-    pub shininess: f64,
-}
-
-/// The content of a file, in the file's own terms.
-#[derive(Clone, Debug)]
-struct Draft {
-    name: Option<String>,
-    color: Curve<3>,
-    space: ColorSpace,
-    opacity: Curve<1>,
-    /// Over the gradient's magnitude; HU per mm, as VTK's GPU mapper has it.
-    gradient: Option<Curve<1>>,
-    opacity_unit_mm: f64,
-    light: Option<ImportedLight>,
-    left_out: Vec<String>,
-}
-
-/// A function that has been found and not yet been read: of a file of many, only one is.
-type FoundFunction<'a> = (Option<String>, Box<dyn Fn() -> Result<Draft, TransferImportError> + 'a>);
 
 /// Reads the transfer function in a file's bytes, whatever their format.
 ///
@@ -156,23 +132,4 @@ fn stretched(
     let scale = (high - low) / (last - first);
     let shift = low - first * scale;
     Ok((color.moved(scale, shift), opacity.moved(scale, shift)))
-}
-
-/// Light of a volume property, checked; unlit ones show their colours as they are.
-fn light(
-    place: &str,
-    is_lit: bool,
-    shares: [f64; 3],
-    power: f64,
-) -> Result<ImportedLight, TransferImportError> {
-    for (what, share) in ["ambient", "diffuse", "specular"].into_iter().zip(shares) {
-        if !(0.0..=1.0).contains(&share) {
-            return Err(TransferImportError::range(&format!("{place}: {what}"), &share, "0 to 1"));
-        }
-    }
-    if !(0.0..=1e6).contains(&power) {
-        return Err(TransferImportError::range(&format!("{place}: specularPower"), &power, "0 to 1000000"));
-    }
-    let shares = if is_lit { shares } else { [1.0, 0.0, 0.0] };
-    Ok(ImportedLight { shares, shininess: power.clamp(1.0, 1000.0) })
 }

@@ -8,9 +8,10 @@
 use serde_json::Value;
 
 use super::curve::{CoincidentNodes, Curve, Node};
+use super::draft::{Draft, FoundFunction};
+use super::error::TransferImportError;
 use super::slicer::shortened;
 use super::space::ColorSpace;
-use super::{Draft, FoundFunction, TransferImportError};
 
 /// Most maps of a file that are looked at.
 const MAX_MAPS: usize = 4096;

@@ -9,8 +9,9 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::curve::{CoincidentNodes, Curve, Node};
+use super::draft::{Draft, FoundFunction, light};
+use super::error::TransferImportError;
 use super::space::ColorSpace;
-use super::{Draft, FoundFunction, TransferImportError, light};
 
 /// Most elements of a file that are looked at.
 const MAX_PROPERTIES: usize = 4096;

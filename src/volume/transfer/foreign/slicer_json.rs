@@ -7,8 +7,9 @@
 use serde_json::Value;
 
 use super::curve::{CoincidentNodes, Curve, Node};
+use super::draft::{Draft, FoundFunction, light};
+use super::error::TransferImportError;
 use super::space::ColorSpace;
-use super::{Draft, FoundFunction, TransferImportError, light};
 
 const PROPERTIES: &str = "volumeProperties";
 

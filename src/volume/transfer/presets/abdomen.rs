@@ -1,6 +1,6 @@
 //! Liver, kidneys and bowel. Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const LIVER_VESSELS: Preset = Preset {
     name: "liver-vessels",

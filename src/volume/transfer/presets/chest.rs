@@ -1,6 +1,6 @@
 //! Lung, airways and heart. Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const LUNG: Preset = Preset {
     name: "lung",

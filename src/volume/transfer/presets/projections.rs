@@ -1,7 +1,7 @@
 //! Values gathered along the ray, without light: maximum projections and the look of a radiograph.
 //! Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const MIP: Preset = Preset {
     name: "mip",

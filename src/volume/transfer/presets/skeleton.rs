@@ -1,6 +1,6 @@
 //! Bones, teeth and metal. Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const BONE: Preset = Preset {
     name: "bone",

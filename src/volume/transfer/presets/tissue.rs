@@ -1,6 +1,6 @@
 //! Skin, muscle, fat and brain. Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const SKIN: Preset = Preset {
     name: "skin",

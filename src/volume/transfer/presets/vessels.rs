@@ -1,6 +1,6 @@
 //! Vessels that hold contrast medium. Values in HU, opacities per mm.
 
-use super::{Preset, PresetGroup, PresetMode};
+use super::preset::{Preset, PresetGroup, PresetMode};
 
 pub(super) const VESSELS: Preset = Preset {
     name: "vessels",
