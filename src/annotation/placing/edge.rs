@@ -8,9 +8,10 @@
 use glam::DVec3;
 
 use super::climb::{SurfacePoint, climb};
+use super::error::SnapError;
 use super::field::{Field, Smooth};
 use super::lattice::Lattice;
-use super::{Search, SnapError};
+use super::search::Search;
 
 /// Smaller gradients count as zero, HU per mm.
 const LEAST_HU_PER_MM: f64 = 1.0;

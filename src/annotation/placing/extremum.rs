@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use super::error::SnapError;
 use super::field::Field;
 use super::lattice::Lattice;
-use super::{Search, SnapError};
+use super::search::Search;
 
 /// Smaller contrasts do not count as extremes, HU.
 const LEAST_HU: f64 = 1.0;

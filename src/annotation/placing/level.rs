@@ -1,7 +1,8 @@
 //! The level between two materials around a point, from the voxels.
 
+use super::error::SnapError;
 use super::field::Field;
-use super::{Search, SnapError};
+use super::search::Search;
 
 /// The part of the variance that lies between the two classes, at least. Values that are all of one
 /// kind and noisy have 0.64 (a normal distribution cut in its middle), two kinds far apart more

@@ -23,12 +23,13 @@ mod extremum;
 mod field;
 mod lattice;
 mod level;
+mod search;
 mod surface;
 
 pub use error::SnapError;
 use error::out_of_range;
 use field::Field;
-use glam::DVec3;
+use search::Search;
 
 use relief_base::{Patient, Point, Vector};
 use relief_volume::Volume;
@@ -124,17 +125,6 @@ pub struct Snapped {
     pub hu: f64,
     /// The magnitude of the smoothed gradient there, HU per mm.
     pub gradient_hu_per_mm: f64,
-}
-
-/// Where something is looked for.
-#[derive(Clone, Copy, Debug)]
-struct Search {
-    /// Around this place, patient mm.
-    at: DVec3,
-    /// Search along this unit direction, both ways; `None` searches the ball.
-    ray: Option<DVec3>,
-    /// So far, mm.
-    radius_mm: f64,
 }
 
 /// The trilinear value at a place, HU; `None` outside the volume.

@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::climb::{SurfacePoint, climb};
+use super::error::SnapError;
 use super::field::{Field, expect_few_voxels};
-use super::{Search, SnapError};
+use super::search::Search;
 
 /// A level is looked for this much higher, as isosurfaces are: off the whole HU that voxels have.
 const OFF_HU: f64 = 1.0 / 64.0;

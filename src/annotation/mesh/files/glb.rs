@@ -7,8 +7,9 @@
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
+use super::content::{ReadMesh, drop_degenerate};
+use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::Bytes;
-use super::{MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate};
 use crate::mesh::TriangleMesh;
 use relief_base::Point;
 

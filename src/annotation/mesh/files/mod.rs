@@ -8,122 +8,18 @@
 //! Memory grows with the data, never with a declared size. Polygons become fans of triangles;
 //! colours, normals, textures, lines and points are ignored.
 
+mod content;
+mod format;
 mod glb;
 mod obj;
 mod ply;
 mod source;
 mod stl;
 
-use glam::DVec3;
+pub use content::ReadMesh;
+pub use format::{MeshFileError, MeshFilePlace, MeshFormat};
 
 use super::{MeshError, TriangleMesh};
-use relief_base::Point;
-
-/// A mesh file's format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MeshFormat {
-    /// Stanford's polygons; written binary, little-endian. Numbers are f32 within 8 m of the
-    /// origin, else f64.
-    Ply,
-    /// Stereolithography; written binary, f32. Corners at equal places become one when it is read.
-    Stl,
-    /// Wavefront's text, to a millionth of a millimetre.
-    Obj,
-    /// Binary glTF 2.0, f32.
-    Glb,
-}
-
-/// A mesh and the warnings of its reader.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReadMesh {
-    /// In patient LPS mm.
-    pub mesh: TriangleMesh,
-    /// Warnings, in sentences.
-    pub warnings: Vec<String>,
-}
-
-/// Why a file is refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{format}, {at}: found {found}, expected {expected}")]
-pub struct MeshFileError {
-    /// The format's name.
-    pub format: &'static str,
-    /// Where.
-    pub at: MeshFilePlace,
-    /// The found text or number.
-    pub found: String,
-    /// What should be.
-    pub expected: String,
-}
-
-/// A place in a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum MeshFilePlace {
-    /// A line of text, from 1.
-    Line(usize),
-    /// A byte, from 0.
-    Byte(usize),
-    /// A path in JSON.
-    Key(String),
-}
-
-impl std::fmt::Display for MeshFilePlace {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Line(line) => write!(f, "line {line}"),
-            Self::Byte(byte) => write!(f, "byte {byte}"),
-            Self::Key(key) => f.write_str(key),
-        }
-    }
-}
-
-impl MeshFileError {
-    fn new(
-        format: MeshFormat,
-        at: MeshFilePlace,
-        found: impl std::fmt::Display,
-        expected: impl Into<String>,
-    ) -> Self {
-        // Text of a file may be anything: it is shortened to one line.
-        let clean = |c: char| if c.is_control() { '?' } else { c };
-        let found = found.to_string().chars().map(clean).take(60).collect();
-        Self { format: format.name(), at, found, expected: expected.into() }
-    }
-}
-
-impl MeshFormat {
-    /// All formats.
-    pub const ALL: [Self; 4] = [Self::Ply, Self::Stl, Self::Obj, Self::Glb];
-
-    /// Its name, which is the ending of its files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ply => "ply",
-            Self::Stl => "stl",
-            Self::Obj => "obj",
-            Self::Glb => "glb",
-        }
-    }
-
-    /// The format that a file's ending names, in letters of any case.
-    #[must_use]
-    pub fn of(path: &std::path::Path) -> Option<Self> {
-        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-        Self::ALL.into_iter().find(|format| format.name() == ending)
-    }
-
-    /// Its media type.
-    #[must_use]
-    pub const fn media_type(self) -> &'static str {
-        match self {
-            Self::Ply => "model/ply",
-            Self::Stl => "model/stl",
-            Self::Obj => "model/obj",
-            Self::Glb => "model/gltf-binary",
-        }
-    }
-}
 
 /// Writes a mesh. `name` is stored where the format has a field for it.
 ///
@@ -165,52 +61,11 @@ pub fn read_mesh(format: MeshFormat, bytes: &[u8]) -> Result<ReadMesh, MeshFileE
     Ok(found)
 }
 
-/// The axes that a file states.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Axes {
-    #[default]
-    Unsaid,
-    Lps,
-    Ras,
-}
-
-impl Axes {
-    /// Looks for `SPACE=` in a comment or header.
-    fn read(&mut self, text: &str) {
-        if text.contains("SPACE=LPS") {
-            *self = Self::Lps;
-        } else if text.contains("SPACE=RAS") {
-            *self = Self::Ras;
-        }
-    }
-
-    /// The place in LPS. RAS is LPS turned by half a turn about z, so triangles keep their sense.
-    fn place(self, xyz: DVec3) -> Point<relief_base::Patient> {
-        Point::from_xyz(if self == Self::Ras { DVec3::new(-xyz.x, -xyz.y, xyz.z) } else { xyz })
-    }
-
-    fn warning(self) -> Option<String> {
-        (self == Self::Unsaid)
-            .then(|| "the file does not say SPACE=LPS or SPACE=RAS: taken as LPS".to_owned())
-    }
-}
-
-/// Triangles of a polygon: a fan around its first corner.
-fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
-    polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]])
-}
-
-/// Removes triangles with two equal vertices, with a warning.
-fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, warnings: &mut Vec<String>) {
-    let before = triangles.len();
-    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
-    if triangles.len() < before {
-        warnings.push(format!("{} triangles without area are left out", before - triangles.len()));
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+    use relief_base::Point;
+
     use super::*;
 
     /// A tetrahedron that is like itself under no turn or mirror.

@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
+use super::content::{Axes, ReadMesh, drop_degenerate, fan};
+use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::{lines, number};
-use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate, fan};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Obj;

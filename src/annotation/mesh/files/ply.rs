@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
+use super::content::{Axes, ReadMesh, drop_degenerate, fan};
+use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::{Bytes, lines};
-use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate, fan};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Ply;

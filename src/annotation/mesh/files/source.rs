@@ -1,6 +1,6 @@
 //! Bytes and words of a file, with the place where they are.
 
-use super::{MeshFileError, MeshFilePlace, MeshFormat};
+use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 
 /// Goes through bytes from front to back.
 pub(super) struct Bytes<'a> {

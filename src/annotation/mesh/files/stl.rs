@@ -5,8 +5,9 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::content::{Axes, ReadMesh, drop_degenerate};
+use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::{Bytes, lines, number};
-use super::{Axes, MeshFileError, MeshFilePlace, MeshFormat, ReadMesh, drop_degenerate};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Stl;

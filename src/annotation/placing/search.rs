@@ -1,0 +1,14 @@
+//! The place, direction and radius of a search for a feature. Space: patient LPS, mm.
+
+use glam::DVec3;
+
+/// Where something is looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search {
+    /// Around this place, patient mm.
+    pub(super) at: DVec3,
+    /// Search along this unit direction, both ways; `None` searches the ball.
+    pub(super) ray: Option<DVec3>,
+    /// At most this far away, mm.
+    pub(super) radius_mm: f64,
+}
