@@ -17,10 +17,14 @@
 
 use rayon::prelude::*;
 
-use super::{DepthFilter, Padded, miss_if_unknown};
+use super::padded::{Padded, miss_if_unknown};
 use crate::layout::Picture;
 use relief_base::DepthLimits;
 
+/// By how many pixels the foreground is widened at depth edges.
+pub(super) const WIDENED_PX: usize = 2;
+/// How far the filter looks, pixels to each side.
+pub(super) const REACH_PX: usize = 4;
 /// Neighbours whose depths differ by more than this share of the depth range have an edge between
 /// them: four of 255 disparities.
 const EDGE_SHARE: f64 = 1.0 / 64.0;
@@ -30,7 +34,7 @@ const COLOR_DEVIATION: f64 = 30.0;
 /// The weight of the same colour. Whole numbers add up to the same in any order.
 const FULL_WEIGHT: f64 = 65535.0;
 /// Pixels in a window.
-const WINDOW: usize = (2 * DepthFilter::REACH_PX + 1).pow(2);
+const WINDOW: usize = (2 * REACH_PX + 1).pow(2);
 /// Numbers that are worked on side by side.
 const LANES: usize = 8;
 
@@ -41,7 +45,7 @@ pub(super) fn clear_edge(picture: &Picture<'_>, limits: DepthLimits) -> Vec<f32>
     let depth: Vec<f32> = picture.depth_mm().iter().map(|&mm| miss_if_unknown(mm)).collect();
     let near_edge = edges.near_edge(&depth, width);
     let aligned = aligned(picture, &depth, &near_edge);
-    let nearest = extreme(&aligned, width, DepthFilter::WIDENED_PX, lesser);
+    let nearest = extreme(&aligned, width, WIDENED_PX, lesser);
     let widened = |i: usize| near_edge[i] && edges.is_between(nearest[i], aligned[i]);
     (0..depth.len()).map(|i| if widened(i) { nearest[i] } else { aligned[i] }).collect()
 }
@@ -71,14 +75,14 @@ impl Edges {
         let (nearest, farthest) = (extreme(depth, width, 1, lesser), extreme(depth, width, 1, greater));
         let pairs = nearest.iter().zip(&farthest);
         let edge: Vec<f32> = pairs.map(|(&a, &b)| if self.is_between(a, b) { 1.0 } else { 0.0 }).collect();
-        extreme(&edge, width, DepthFilter::REACH_PX, greater).iter().map(|&edge| edge > 0.0).collect()
+        extreme(&edge, width, REACH_PX, greater).iter().map(|&edge| edge > 0.0).collect()
     }
 }
 
 /// The weighted median near edges.
 fn aligned(picture: &Picture<'_>, depth: &[f32], near_edge: &[bool]) -> Vec<f32> {
     let [width, height] = picture.size_px().map(|side| side as usize);
-    let reach = DepthFilter::REACH_PX;
+    let reach = REACH_PX;
     let weights = weights();
     let mut aligned = depth.to_vec();
     aligned.par_chunks_mut(width).enumerate().for_each(|(row, line)| {

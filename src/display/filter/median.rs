@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::{Padded, miss_if_unknown};
+use super::padded::{Padded, miss_if_unknown};
 use crate::layout::Picture;
 
 /// Pixels that are worked on side by side.

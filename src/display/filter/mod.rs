@@ -16,6 +16,7 @@
 
 mod clear_edge;
 mod median;
+mod padded;
 
 use std::borrow::Cow;
 
@@ -45,11 +46,11 @@ impl DepthFilter {
     pub const ALL: [Self; 4] = [Self::None, Self::Median3, Self::Median5, Self::ClearEdge];
 
     /// By how many pixels `clear-edge` widens the foreground at depth edges.
-    pub const WIDENED_PX: usize = 2;
+    pub const WIDENED_PX: usize = clear_edge::WIDENED_PX;
 
     /// How far `clear-edge` looks, pixels to each side: depth edges that are up to half as far from
     /// their colour edge are moved onto it.
-    pub const REACH_PX: usize = 4;
+    pub const REACH_PX: usize = clear_edge::REACH_PX;
 
     /// The name in requests and on the command line.
     #[must_use]
@@ -85,39 +86,4 @@ impl std::fmt::Display for DepthFilter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(self.name())
     }
-}
-
-/// A plane of numbers with `margin` copies of its border on every side, so that windows need no
-/// bounds of their own.
-struct Padded {
-    values: Vec<f32>,
-    /// Numbers from one row to the next.
-    stride: usize,
-}
-
-impl Padded {
-    /// Pads a plane of `width` columns; on the right as far as whole groups of `lanes` need.
-    fn new(plane: &[f32], width: usize, margin: usize, lanes: usize) -> Self {
-        let stride = width.next_multiple_of(lanes) + 2 * margin;
-        let height = plane.len() / width;
-        let mut values = Vec::with_capacity(stride * (height + 2 * margin));
-        for row in 0..height + 2 * margin {
-            let row = row.saturating_sub(margin).min(height - 1);
-            let line = &plane[row * width..][..width];
-            values.extend(std::iter::repeat_n(line[0], margin));
-            values.extend(line);
-            values.resize(values.len() + stride - margin - width, line[width - 1]);
-        }
-        Self { values, stride }
-    }
-
-    /// `count` numbers from a column and row of the padded plane on.
-    fn run(&self, column: usize, row: usize, count: usize) -> &[f32] {
-        &self.values[row * self.stride + column..][..count]
-    }
-}
-
-/// NaN is a miss.
-fn miss_if_unknown(mm: f32) -> f32 {
-    if mm.is_nan() { f32::INFINITY } else { mm }
 }
