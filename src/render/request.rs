@@ -17,7 +17,7 @@ use super::pathtrace::PathTrace;
 use super::surface::Surface;
 use super::table_rule::TableRule;
 use relief_base::{Patient, Point, Vector};
-use relief_volume::{Camera, Grid, TransferFunction};
+use relief_volume::{Camera, Grid, TransferFunction, Volume};
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///
@@ -193,5 +193,15 @@ impl RenderRequest {
             && self.shading.needs_gradient()
             && self.illumination.shadows > 0.0
             && !self.lights.is_empty()
+    }
+}
+
+impl RenderRequest {
+    /// The volume that a picture shows.
+    pub(super) fn shown<'a>(&self, volume: &'a Volume) -> &'a Volume {
+        match (self.mode, self.table) {
+            (Mode::Slice(_), _) | (_, TableRule::Keep) => volume,
+            (_, TableRule::Remove) => volume.without_table(),
+        }
     }
 }

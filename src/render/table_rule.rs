@@ -2,10 +2,6 @@
 
 use serde::Deserialize;
 
-use super::mode::Mode;
-use super::request::RenderRequest;
-use relief_volume::Volume;
-
 /// Whether a picture shows the table; slices always do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -34,15 +30,5 @@ impl TableRule {
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|rule| rule.name() == name)
-    }
-}
-
-impl RenderRequest {
-    /// The volume that a picture shows.
-    pub(super) fn shown<'a>(&self, volume: &'a Volume) -> &'a Volume {
-        match (self.mode, self.table) {
-            (Mode::Slice(_), _) | (_, TableRule::Keep) => volume,
-            (_, TableRule::Remove) => volume.without_table(),
-        }
     }
 }

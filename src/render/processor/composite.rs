@@ -11,13 +11,9 @@ use super::super::request::DepthRule;
 use super::passage::rgb;
 use super::pending::Pending;
 use super::ray::Rays;
-use super::scene::{Hit, Scene};
+use super::scene::{Hit, OPAQUE, Scene, VISIBLE};
 use super::walk::{Bricks, Walk};
 
-/// Opacity at which a ray ends.
-pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
-/// A ray that changes no byte of the picture hits nothing.
-pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 /// The number of a sample before all samples.
 const NO_SAMPLE: f64 = -2.0;
 /// Half of a pre-integrated sample that adds less than this share of it is lit like the other half.
@@ -62,7 +58,7 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
     ) -> Triple<L::Real> {
-        scene.lit(rgb, direction, p)
+        scene.lights.lit(&scene.field, rgb, direction, p)
     }
 }
 

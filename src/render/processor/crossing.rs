@@ -5,9 +5,9 @@
 
 use relief_lanes::{Lanes, Mask as _, Real as _};
 
-use super::composite::{Gathered, OPAQUE};
+use super::composite::Gathered;
 use super::ray::Rays;
-use super::scene::Scene;
+use super::scene::{OPAQUE, Scene};
 use super::walk::{Bricks, Walk};
 
 /// Parts into which each level divides the neighbourhood of a crossing.

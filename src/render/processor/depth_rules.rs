@@ -6,10 +6,10 @@
 use relief_lanes::{Lanes, Mask as _, Real as _};
 
 use super::super::request::DepthRule;
-use super::composite::{Gathered, OPAQUE};
+use super::composite::Gathered;
 use super::crossing::BISECTIONS;
 use super::ray::Rays;
-use super::scene::Scene;
+use super::scene::{OPAQUE, Scene};
 use super::walk::Walk;
 
 /// As great as the greatest: samples inside one material differ by less than this share.

@@ -12,8 +12,8 @@ use relief_volume::Grid;
 use super::super::light::InPatient;
 use super::super::request::RenderRequest;
 use super::color::{Headlight, NO_GRADIENT};
+use super::field::Field;
 use super::light_cells::LightCells;
-use super::scene::Scene;
 use crate::illumination::Cells;
 
 /// The light of a picture.
@@ -67,35 +67,33 @@ impl<'a, L: Lanes> Lights<'a, L> {
         &self.head
     }
 
-    /// Whether samples are lit by their gradients.
-    #[inline(always)]
-    fn need_gradient(&self) -> bool {
-        self.head.needs_gradient || self.placed.as_ref().is_some_and(|placed| placed.cells.openness.is_some())
-    }
-}
-
-impl<L: Lanes> Scene<'_, L> {
     /// The colours of samples at voxel indices, seen along `direction`. The gradient's length does not
     /// matter; without a gradient there is only ambient light.
     #[inline(always)]
     pub(super) fn lit(
         &self,
+        field: &Field<'_, L>,
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
     ) -> Triple<L::Real> {
-        let head = &self.lights.head;
-        if !self.lights.need_gradient() {
-            return head.ambient(rgb);
+        if !self.need_gradient() {
+            return self.head.ambient(rgb);
         }
-        let gradient = self.field.gradient(p);
-        match &self.lights.placed {
-            None => head.lit(rgb, gradient, direction),
-            Some(placed) => self.lanes.apart(
+        let gradient = field.gradient(p);
+        match &self.placed {
+            None => self.head.lit(rgb, gradient, direction),
+            Some(placed) => placed.lanes.apart(
                 #[inline(always)]
-                || placed.lit(head, rgb, gradient, direction, p),
+                || placed.lit(&self.head, rgb, gradient, direction, p),
             ),
         }
+    }
+
+    /// Whether samples are lit by their gradients.
+    #[inline(always)]
+    fn need_gradient(&self) -> bool {
+        self.head.needs_gradient || self.placed.as_ref().is_some_and(|placed| placed.cells.openness.is_some())
     }
 }
 

@@ -16,7 +16,7 @@
 //! | `segments` | `shaders/lib/labels.wgsl` |
 //! | `passage` | `shaders/lib/passage.wgsl` |
 //! | `lights` | `shaders/lib/lights.wgsl` |
-//! | `light_cells` | `shaders/illuminate.wgsl` |
+//! | `illuminate` | `shaders/illuminate.wgsl` |
 //! | `composite` | `shaders/raycast.wgsl` |
 //! | `crossing` | `shaders/raycast/crossing.wgsl` |
 //! | `depth_rules` | `shaders/lib/depth_rules.wgsl` |
@@ -32,6 +32,7 @@ mod composite;
 mod crossing;
 mod depth_rules;
 mod field;
+mod illuminate;
 mod light_cells;
 mod lights;
 mod passage;

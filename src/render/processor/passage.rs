@@ -9,8 +9,6 @@ use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 use relief_volume::IntegralTable;
 
 use super::super::tables::Tables;
-use super::ray::Rays;
-use super::scene::Scene;
 
 /// Values closer than this, in table entries, are one: a difference of integrals would be rounding.
 const ALIKE_ENTRIES: f64 = 8.0;
@@ -29,22 +27,6 @@ pub(super) struct Integrals<'a, L: Lanes> {
 pub(super) struct Passed<L: Lanes> {
     pub(super) front: [L::Real; 4],
     pub(super) back: [L::Real; 4],
-}
-
-impl<L: Lanes> Scene<'_, L> {
-    /// The values that the paths of samples k pass.
-    #[inline(always)]
-    pub(super) fn passage(&self, rays: &Rays<L>, k: L::Real) -> [L::Real; 3] {
-        let half = self.number(0.5);
-        [self.hu_along(rays, k - half), self.hu_along(rays, k), self.hu_along(rays, k + half)]
-    }
-
-    /// Values at fractional sample numbers. Clipped samples do not count.
-    #[inline(always)]
-    pub(super) fn hu_along(&self, rays: &Rays<L>, k: L::Real) -> L::Real {
-        let t = self.view.sample_t(rays, k).clamped(rays.entry, rays.exit);
-        self.field.hu(rays.voxel_at(t))
-    }
 }
 
 impl<L: Lanes> Passed<L> {

@@ -7,9 +7,8 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::mode::Mode;
-use super::composite::VISIBLE;
 use super::ray::Rays;
-use super::scene::{Hit, Scene};
+use super::scene::{Hit, Scene, VISIBLE};
 use super::walk::{Bricks, Walk};
 
 /// Bending below this, in HU per squared sample distance, is rounding.

@@ -102,4 +102,18 @@ impl<L: Lanes> Scene<'_, L> {
             ),
         }
     }
+
+    /// The values that the paths of samples k pass.
+    #[inline(always)]
+    pub(super) fn passage(&self, rays: &Rays<L>, k: L::Real) -> [L::Real; 3] {
+        let half = self.number(0.5);
+        [self.hu_along(rays, k - half), self.hu_along(rays, k), self.hu_along(rays, k + half)]
+    }
+
+    /// Values at fractional sample numbers. Clipped samples do not count.
+    #[inline(always)]
+    pub(super) fn hu_along(&self, rays: &Rays<L>, k: L::Real) -> L::Real {
+        let t = self.view.sample_t(rays, k).clamped(rays.entry, rays.exit);
+        self.field.hu(rays.voxel_at(t))
+    }
 }

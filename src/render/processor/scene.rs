@@ -11,6 +11,7 @@ use super::super::limits::depth_limits;
 use super::super::request::RenderRequest;
 use super::super::skipping::EmptySpaceSkipping;
 use super::super::slices::SlabSamples;
+use super::super::surface::Surface;
 use super::super::uniform::brightness_range;
 use super::color::{Colors, GradientOpacity};
 use super::field::Field;
@@ -20,8 +21,12 @@ use super::passage::Integrals;
 use super::prepared::Looks;
 use super::ray::View;
 use super::segments::Segments;
-use super::surfaces::SurfaceInLanes;
 use super::walk::Bricks;
+
+/// Opacity at which a ray ends.
+pub(super) const OPAQUE: f64 = 1.0 - 1.0 / 512.0;
+/// A ray that changes no byte of the picture hits nothing.
+pub(super) const VISIBLE: f64 = 0.5 / 255.0;
 
 /// A picture that is to be cast.
 #[derive(Clone, Copy)]
@@ -68,6 +73,25 @@ pub(super) struct Hit<L: Lanes> {
     pub(super) hits: L::Mask,
     /// Distance along the rays, mm.
     pub(super) t: L::Real,
+}
+
+/// A surface of a request.
+#[derive(Clone, Copy)]
+pub(super) struct SurfaceInLanes<L: Lanes> {
+    pub(super) level: L::Real,
+    pub(super) rgb: Triple<L::Real>,
+    pub(super) opacity: L::Real,
+}
+
+impl<L: Lanes> SurfaceInLanes<L> {
+    #[inline(always)]
+    pub(super) fn new(lanes: L, surface: &Surface) -> Self {
+        Self {
+            level: lanes.splat(surface.level_hu()),
+            rgb: Triple(surface.rgb.map(|channel| lanes.splat(channel))),
+            opacity: lanes.splat(surface.opacity),
+        }
+    }
 }
 
 impl<'a> Job<'a> {

@@ -8,23 +8,13 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::request::DepthRule;
-use super::super::surface::Surface;
-use super::composite::{OPAQUE, VISIBLE};
 use super::ray::Rays;
-use super::scene::{Hit, Scene};
+use super::scene::{Hit, OPAQUE, Scene, SurfaceInLanes, VISIBLE};
 use super::walk::Walk;
 
 /// To 1/256 of a sample distance; a straight line through the ends of the remaining interval refines
 /// it further.
 const HALVINGS: usize = 8;
-
-/// A surface of a request.
-#[derive(Clone, Copy)]
-pub(super) struct SurfaceInLanes<L: Lanes> {
-    level: L::Real,
-    rgb: Triple<L::Real>,
-    opacity: L::Real,
-}
 
 /// The surfaces that rays have met so far.
 struct Trace<L: Lanes> {
@@ -40,17 +30,6 @@ struct Trace<L: Lanes> {
 struct Stretch<L: Lanes> {
     near: [L::Real; 2],
     far: [L::Real; 2],
-}
-
-impl<L: Lanes> SurfaceInLanes<L> {
-    #[inline(always)]
-    pub(super) fn new(lanes: L, surface: &Surface) -> Self {
-        Self {
-            level: lanes.splat(surface.level_hu()),
-            rgb: Triple(surface.rgb.map(|channel| lanes.splat(channel))),
-            opacity: lanes.splat(surface.opacity),
-        }
-    }
 }
 
 impl<L: Lanes> Scene<'_, L> {
@@ -190,7 +169,7 @@ impl<L: Lanes> Scene<'_, L> {
     ) {
         let shown = if self.is_cut { meets & !rays.is_cut(t) } else { meets };
         let p = rays.voxel_at(t);
-        let lit = self.lit(surface.rgb, rays.direction, p);
+        let lit = self.lights.lit(&self.field, surface.rgb, rays.direction, p);
         let weight = (self.number(1.0) - trace.opacity) * surface.opacity;
         let weight = weight.or_where_not(shown, self.number(0.0));
         trace.color = trace.color.plus_times(lit, weight);
