@@ -1,6 +1,31 @@
 //! Errors of a log. A message names an item only by its id.
 
+use std::error::Error;
+use std::time::Duration;
+
 use relief_annotation::{ContentId, Item, ItemError, ItemId, Versioned};
+
+/// The error of a database or of its driver.
+pub type Cause = Box<dyn Error + Send + Sync>;
+
+/// A connection that gave no answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(super) enum ConnectionFault {
+    #[error("no answer within {} s", .0.as_secs())]
+    Silent(Duration),
+    #[error("its connections are broken")]
+    Broken,
+    #[error("the connection that listens was lost")]
+    ListenerLost,
+    #[error("the connection that listens is silent")]
+    ListenerSilent,
+}
+
+impl From<ConnectionFault> for StoreError {
+    fn from(fault: ConnectionFault) -> Self {
+        Self::Unreachable(fault.into())
+    }
+}
 
 /// The reason why the store refused or failed. Nothing was changed, except after
 /// [`StoreError::Unreachable`] and [`StoreError::Database`], where the change may or may not have
@@ -94,15 +119,15 @@ pub enum StoreError {
     Full,
     /// It cannot be opened, or the connection broke.
     #[error("cannot reach the log: {0}")]
-    Unreachable(String),
+    Unreachable(Cause),
     /// The connection cannot be encrypted.
     #[error(
         "the connection to the log cannot be encrypted: {0}; for a database without TLS in a trusted network, add ?sslmode=disable to its address"
     )]
-    Unencrypted(String),
+    Unencrypted(Cause),
     /// Something else that the database says.
     #[error("the database refused: {0}")]
-    Database(String),
+    Database(Cause),
 }
 
 /// Why a text is not the location of a log.
@@ -271,8 +296,7 @@ mod sqlite {
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        let text = error.to_string();
-        match &error {
+        match error {
             sqlx::Error::Database(found) => {
                 let code = found.code().unwrap_or_default();
                 // A code of PostgreSQL has five letters and digits.
@@ -286,22 +310,22 @@ impl From<sqlx::Error> for StoreError {
                     Some(sqlite::FULL) => Self::Full,
                     Some(sqlite::CORRUPT) => Damage::Database { finding: found.message().to_owned() }.into(),
                     Some(sqlite::NOTADB) => Self::Foreign(ForeignFile::NoSqlite),
-                    Some(sqlite::CANTOPEN | sqlite::IOERR) => Self::Unreachable(found.message().to_owned()),
+                    Some(sqlite::CANTOPEN | sqlite::IOERR) => Self::Unreachable(found.into()),
                     None if protected => Self::ReadOnly,
                     None if busy => Self::Busy,
                     None if full => Self::Full,
-                    _ => Self::Database(found.message().to_owned()),
+                    _ => Self::Database(found.into()),
                 }
             }
             sqlx::Error::PoolTimedOut => Self::Busy,
-            sqlx::Error::Tls(_) => Self::Unencrypted(text),
+            sqlx::Error::Tls(_) => Self::Unencrypted(error.into()),
             sqlx::Error::Io(_) | sqlx::Error::PoolClosed | sqlx::Error::WorkerCrashed => {
-                Self::Unreachable(text)
+                Self::Unreachable(error.into())
             }
             sqlx::Error::ColumnDecode { .. } | sqlx::Error::Decode(_) | sqlx::Error::ColumnNotFound(_) => {
-                Damage::Database { finding: text }.into()
+                Damage::Database { finding: error.to_string() }.into()
             }
-            _ => Self::Database(text),
+            _ => Self::Database(error.into()),
         }
     }
 }

@@ -29,6 +29,7 @@ mod apply;
 mod check;
 mod contents;
 mod error;
+mod faults;
 mod history;
 mod named;
 mod place;
@@ -47,13 +48,14 @@ use sqlx::{Any, Transaction};
 use tokio::time::timeout;
 
 pub use check::Checked;
-pub use error::{Damage, ForeignFile, LocationError, StoreError};
+pub use error::{Cause, Damage, ForeignFile, LocationError, StoreError};
+pub use faults::StoreFaults;
 pub use named::{Audited, AuditedKind};
 pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};
 
+use error::ConnectionFault;
 use place::{DatabaseAddress, DatabaseKind};
-pub use pools::StoreFaults;
 use pools::{Current, PATIENCE, Pools, READERS};
 
 /// How long a database may take to begin a transaction.
@@ -167,8 +169,7 @@ impl Store {
         if self.kind == DatabaseKind::Postgres && is_silent {
             self.pools.renew(&current);
         }
-        let silent = || StoreError::Unreachable(format!("no answer within {} s", PATIENCE.as_secs()));
-        begun.map_err(|_| silent())?
+        begun.map_err(|_| ConnectionFault::Silent(PATIENCE))?
     }
 }
 
@@ -187,7 +188,7 @@ async fn begin(pool: &AnyPool, statement: &'static str) -> Result<Transaction<'s
             begun => return Ok(begun?),
         }
     }
-    Err(StoreError::Unreachable("its connections are broken".to_owned()))
+    Err(ConnectionFault::Broken.into())
 }
 
 #[cfg(test)]

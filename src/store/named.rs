@@ -94,7 +94,7 @@ impl Store {
         Set::check_name(&set.name)?;
         set.template.as_deref().map_or(Ok(()), Set::check_name)?;
         set.reader.as_deref().map_or(Ok(()), |reader| Edit::check_words(reader, ""))?;
-        let body = serde_json::to_string(set).map_err(|error| StoreError::Database(error.to_string()))?;
+        let body = serde_json::to_string(set).map_err(|error| StoreError::Database(error.into()))?;
         self.put(AuditedKind::Set, &set.name, &body, author, may).await
     }
 

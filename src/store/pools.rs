@@ -10,6 +10,7 @@ use std::time::Duration;
 use sqlx::AnyPool;
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
 
+use super::faults::StoreFaults;
 use super::place::DatabaseKind;
 use super::schema;
 
@@ -25,15 +26,6 @@ pub(super) struct Pools {
     options: AnyConnectOptions,
     faults: StoreFaults,
     current: Mutex<Current>,
-}
-
-/// Failures that are brought about on purpose, to see that callers recover from them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StoreFaults {
-    /// Largest size of a SQLite file; beyond it, the disk is full.
-    pub most_bytes: Option<u64>,
-    /// How much longer each change takes.
-    pub delay: Duration,
 }
 
 /// Connections that belong together.

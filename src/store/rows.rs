@@ -60,7 +60,7 @@ pub(super) fn item(text: &str) -> Result<Item, StoreError> {
 }
 
 pub(super) fn item_text(item: &Item) -> Result<String, StoreError> {
-    serde_json::to_string(item).map_err(|error| StoreError::Database(error.to_string()))
+    serde_json::to_string(item).map_err(|error| StoreError::Database(error.into()))
 }
 
 /// The newest state of an item: `None` where there never was one, and `Some` of its version and no

@@ -3,8 +3,8 @@
 use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, Row};
 
 use super::error::{Damage, ForeignFile, StoreError};
+use super::faults::StoreFaults;
 use super::place::{DatabaseAddress, DatabaseKind};
-use super::pools::StoreFaults;
 
 /// The newest schema that this version knows, and the one that it makes.
 const SCHEMA: u64 = 1;

@@ -19,7 +19,7 @@ use sqlx::{Any, AnyConnection, AssertSqlSafe, ConnectOptions, Executor, Postgres
 use tokio::time::{sleep, timeout};
 
 use super::Store;
-use super::error::StoreError;
+use super::error::{ConnectionFault, StoreError};
 use super::place::DatabaseKind;
 use super::schema::number;
 
@@ -135,7 +135,6 @@ impl Source {
 }
 
 async fn heard(listener: &mut PgListener) -> Result<Changed, StoreError> {
-    let lost = |why: &str| StoreError::Unreachable(why.to_owned());
     loop {
         match timeout(SIGN_OF_LIFE, listener.try_recv()).await {
             Ok(Ok(Some(first))) => {
@@ -145,11 +144,11 @@ async fn heard(listener: &mut PgListener) -> Result<Changed, StoreError> {
                 let only_events = words.iter().all(|word| word.payload().starts_with(EVENT));
                 return Ok(if only_events { Changed::Events } else { Changed::Anything });
             }
-            Ok(Ok(None)) => return Err(lost("the connection that listens was lost")),
+            Ok(Ok(None)) => return Err(ConnectionFault::ListenerLost.into()),
             Ok(Err(error)) => return Err(error.into()),
             Err(_) => {
                 let reply = timeout(REPLY, (&mut *listener).execute("SELECT 1")).await;
-                reply.map_err(|_| lost("the connection that listens is silent"))??;
+                reply.map_err(|_| ConnectionFault::ListenerSilent)??;
             }
         }
     }

@@ -1,0 +1,12 @@
+//! Failures on purpose, by which tests see that callers recover.
+
+use std::time::Duration;
+
+/// Failures that are brought about on purpose, to see that callers recover from them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StoreFaults {
+    /// Largest size of a SQLite file; beyond it, the disk is full.
+    pub most_bytes: Option<u64>,
+    /// How much longer each change takes.
+    pub delay: Duration,
+}
