@@ -104,7 +104,7 @@ pub fn discover_within(
 impl Skipped {
     fn new(file: String, rejection: Rejection) -> Self {
         match rejection {
-            Rejection::Unwanted(reason) => Self { file, reason: shortened(reason), defect: None },
+            Rejection::Unwanted(reason) => Self { file, reason: shortened(reason.to_string()), defect: None },
             Rejection::Defective(defect) => {
                 let is_sidecar =
                     [".csv", ".json", ".nrrd", ".nii", ".nii.gz"].iter().any(|ending| file.ends_with(ending));

@@ -7,6 +7,7 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use dicom_core::Tag;
 
@@ -286,7 +287,7 @@ pub enum Defect {
     },
     /// The system could not read it.
     #[error("cannot be read: {0}")]
-    Unreadable(String),
+    Unreadable(Arc<std::io::Error>),
     /// The file ends inside a header.
     #[error("cut short at byte {position}: found {found} bytes for {what}, expected {expected}")]
     Cut {
@@ -427,7 +428,7 @@ pub enum Defect {
 
 impl From<std::io::Error> for Defect {
     fn from(error: std::io::Error) -> Self {
-        Self::Unreadable(error.to_string())
+        Self::Unreadable(Arc::new(error))
     }
 }
 

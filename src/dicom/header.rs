@@ -94,9 +94,26 @@ const FRAME_BYTES: u64 = 3 * size_of::<FrameHeader>() as u64;
 #[derive(Debug)]
 pub(super) enum Rejection {
     /// A sound file that is no CT slice.
-    Unwanted(String),
+    Unwanted(Unwanted),
     /// A file that something is wrong with.
     Defective(Defect),
+}
+
+/// A sound file that is no CT slice.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unwanted {
+    #[error("a DICOMDIR beside the images")]
+    Directory,
+    #[error("a CT localizer (scout)")]
+    Localizer,
+    #[error("a CT localizer (scout) frame")]
+    LocalizerFrame,
+    #[error("not CT: {}, SOP class {}", or(.modality, "no Modality"), or(.class, "absent"))]
+    NotCt { modality: String, class: String },
+    #[error("Modality is CT, but the SOP class is {}", or(.0, "absent"))]
+    Class(String),
+    #[error("a colour image ({0})")]
+    Color(String),
 }
 
 impl From<Defect> for Rejection {
@@ -166,7 +183,7 @@ pub(super) fn read(source: &FileSource, budget: &Budget) -> Result<Vec<FrameHead
 fn read_from(source: &FileSource, bytes: Bytes, budget: &Budget) -> Result<Vec<FrameHeader>, Rejection> {
     let object = part10::open(bytes, budget)?;
     if object.is_directory() {
-        return Err(Rejection::Unwanted("a DICOMDIR beside the images".to_owned()));
+        return Err(Rejection::Unwanted(Unwanted::Directory));
     }
     let walked = object.walk_within(Bounds::SLICES, keep).map_err(|located| located.defect)?;
     check_wanted(&walked.data)?;
@@ -232,7 +249,7 @@ fn frame(
     let frame_type =
         text(groups.find(index, tags::CT_IMAGE_FRAME_TYPE_SEQUENCE, tags::FRAME_TYPE), tags::FRAME_TYPE);
     if is_localizer(&frame_type) {
-        return Err(Rejection::Unwanted("a CT localizer (scout) frame".to_owned()));
+        return Err(Rejection::Unwanted(Unwanted::LocalizerFrame));
     }
     let [x, y, z] = numbers(groups.plane_position(index), POSITION, "three numbers in mm")?;
     let [row, column] = orientation(groups.plane_orientation(index))?;
@@ -253,7 +270,7 @@ fn frame(
 /// Only images of the CT classes, or with Modality CT where the class is empty (anonymisers do
 /// that).
 fn check_wanted(data: &DataSet) -> Result<(), Rejection> {
-    let unwanted = |why: String| Err(Rejection::Unwanted(why));
+    let unwanted = |reason: Unwanted| Err(Rejection::Unwanted(reason));
     let (modality, class) = (text(data, tags::MODALITY), text(data, tags::SOP_CLASS_UID));
     let ct_class = [
         uids::CT_IMAGE_STORAGE,
@@ -262,24 +279,23 @@ fn check_wanted(data: &DataSet) -> Result<(), Rejection> {
     ]
     .contains(&class.as_str());
     if !ct_class && modality != "CT" {
-        let shown = if modality.is_empty() { "no Modality" } else { &modality };
-        return unwanted(format!("not CT: {shown}, SOP class {}", or_absent(&class)));
+        return unwanted(Unwanted::NotCt { modality, class });
     }
     if !ct_class && !class.is_empty() {
-        return unwanted(format!("Modality is CT, but the SOP class is {}", or_absent(&class)));
+        return unwanted(Unwanted::Class(class));
     }
     if is_localizer(&text(data, tags::IMAGE_TYPE)) {
-        return unwanted("a CT localizer (scout)".to_owned());
+        return unwanted(Unwanted::Localizer);
     }
     let photometric = text(data, tags::PHOTOMETRIC_INTERPRETATION);
     if !photometric.is_empty() && !photometric.starts_with("MONOCHROME") {
-        return unwanted(format!("a colour image ({photometric})"));
+        return unwanted(Unwanted::Color(photometric));
     }
     Ok(())
 }
 
-fn or_absent(uid: &str) -> &str {
-    if uid.is_empty() { "absent" } else { uid }
+fn or<'a>(text: &'a str, otherwise: &'a str) -> &'a str {
+    if text.is_empty() { otherwise } else { text }
 }
 
 /// Value 3 of Image Type and Frame Type (PS3.3 C.8.2.1.1.1).

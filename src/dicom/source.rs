@@ -196,7 +196,7 @@ fn unpack(
     most: u64,
     budget: &Budget,
 ) -> Result<(bytes::Bytes, u64), Defect> {
-    let problem = |error: zip::result::ZipError| Defect::Unreadable(error.to_string());
+    let problem = |error: zip::result::ZipError| Defect::from(std::io::Error::from(error));
     let entry = archive.by_index(index).map_err(problem)?;
     let found = entry.size();
     if found > LARGEST_ENTRY {
