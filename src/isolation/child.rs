@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use super::job::{
     AnnotationJob, Answer, Job, Probe, Refusal, RemainingRights, WireContent, WireGrid, WireSegment,
 };
+use super::reply::{FILE, refuse};
 use super::sandbox::Held;
 use super::series;
 use super::window::Windows;
@@ -20,8 +21,6 @@ use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::load_labels;
 use relief_volume::{Grid, LabelMap};
 
-/// The file or folder, as a path; a file is opened from its beginning.
-pub(super) const FILE: &str = "/proc/self/fd/0";
 /// What messages call a label map.
 const SUBJECT: &str = "the uploaded file";
 
@@ -82,10 +81,6 @@ fn remaining_rights(held: Held) -> RemainingRights {
         has_landlock: held.files,
         has_seccomp: held.calls,
     }
-}
-
-pub(super) fn refuse(socket: &mut impl Write, kind: Refusal, reason: String) -> std::io::Result<()> {
-    send(socket, &Answer::Refused { kind, reason })
 }
 
 fn labels(

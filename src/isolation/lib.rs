@@ -14,6 +14,7 @@
 mod child;
 mod job;
 mod parent;
+mod reply;
 mod sandbox;
 mod series;
 mod window;

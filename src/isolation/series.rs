@@ -3,8 +3,8 @@
 use std::io::{Read, Result, Write};
 use std::path::Path;
 
-use super::child::{FILE, refuse};
 use super::job::{Answer, ReadLimits, Refusal, SeriesAnswer, SeriesChoice};
+use super::reply::{FILE, refuse};
 use super::window::Windows;
 use super::wire::{receive, send};
 use relief_base::Budget;
