@@ -53,7 +53,7 @@ impl Handle {
         self.put(|outbox| outbox.pose(t_ns, pose))
     }
 
-    /// A wish; kept in its order. `None` as for poses.
+    /// An intent; kept in its order. `None` as for poses.
     pub fn intent(&self, t_ns: u64, intent: Intent) -> Option<u64> {
         self.put(|outbox| outbox.intent(t_ns, intent))
     }

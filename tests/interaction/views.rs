@@ -209,7 +209,7 @@ fn placing_follows_the_cursor_until_it_is_done() {
     let mut session = Session::new();
     let preview = Intent::from_json(br#"{"intent":"place","phase":"preview"}"#).unwrap();
     let refused = session.state.apply(&session.stage, 0, &preview, None);
-    assert_eq!(refused, Err(IntentError::NoCursor));
+    assert!(matches!(refused, Err(IntentError::NoCursor)), "{refused:?}");
     session.json(r#"{"intent":"cursor","point_mm":[10,-20,310]}"#);
     assert_eq!(session.apply(&preview).event, Some(IntentEffect::Placing(Point::new(10.0, -20.0, 310.0))));
     assert!(session.state.is_placing());

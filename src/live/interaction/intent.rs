@@ -5,13 +5,14 @@
 //! anything changes.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use glam::DQuat;
 use serde::{Deserialize, Serialize};
 
 use relief_volume::Orbit;
 
-/// One wish. Angles and lengths are changes unless said otherwise.
+/// One intent. Angles and lengths are changes unless said otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "intent", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Intent {
@@ -172,12 +173,15 @@ pub enum PlacePhase {
     Cancel,
 }
 
-/// A wish that cannot be granted. Nothing has changed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+/// An intent that cannot be applied; the view is unchanged.
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum IntentError {
-    /// No JSON of an intent.
+    /// Not the JSON of an intent.
     #[error("invalid intent: {0}")]
-    Json(String),
+    Json(Arc<serde_json::Error>),
+    /// JSON without the name of an intent.
+    #[error("invalid intent: expected an object with a key \"intent\", such as {{\"intent\":\"reset\"}}")]
+    Unnamed,
     /// A value out of range.
     #[error("{field} is {found}, allowed: {allowed}")]
     Range {
@@ -203,11 +207,11 @@ pub enum IntentError {
     NoCursor,
 }
 
-/// Degrees that one wish may turn, either way.
+/// Degrees that one intent may turn, either way.
 const TURNS_DEG: RangeInclusive<f64> = Orbit::AZIMUTHS_DEG;
-/// Shares of the picture's height that one wish may shift.
+/// Shares of the picture's height that one intent may shift.
 const PANS: RangeInclusive<f64> = -10.0..=10.0;
-/// How much closer one wish may come.
+/// How much closer one intent may come.
 const FACTORS: RangeInclusive<f64> = 0.01..=100.0;
 /// Lengths along view axes, mm.
 const VIEW_MM: RangeInclusive<f64> = -1e5..=1e5;
@@ -226,14 +230,13 @@ impl Intent {
     /// of range.
     pub fn from_json(json: &[u8]) -> Result<Self, IntentError> {
         let value: serde_json::Value =
-            serde_json::from_slice(json).map_err(|error| IntentError::Json(error.to_string()))?;
+            serde_json::from_slice(json).map_err(|error| IntentError::Json(Arc::new(error)))?;
         // Serde would take an array, and a number for the name.
         if !value.get("intent").is_some_and(serde_json::Value::is_string) {
-            let wanted = "expected an object with a key \"intent\", such as {\"intent\":\"reset\"}";
-            return Err(IntentError::Json(wanted.to_owned()));
+            return Err(IntentError::Unnamed);
         }
         let intent: Self =
-            serde_json::from_value(value).map_err(|error| IntentError::Json(error.to_string()))?;
+            serde_json::from_value(value).map_err(|error| IntentError::Json(Arc::new(error)))?;
         intent.validate()?;
         Ok(intent)
     }

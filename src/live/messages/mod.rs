@@ -35,7 +35,7 @@ pub enum ClientMessage {
     Pose(Pose),
     /// A raw report of a Wiimote, for the server to track.
     Report(RawReport),
-    /// A wish; none is dropped.
+    /// An intent; none is dropped.
     Intent(IntentMessage),
     /// Settings of the view.
     Settings(Box<Settings>),

@@ -101,14 +101,14 @@ impl RawReport {
     }
 }
 
-/// A wish, with its number and time.
+/// An intent, with its number and time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntentMessage {
     /// Rising number, in one row with those of poses.
     pub seq: u64,
     /// When it was uttered, ns of the client's clock.
     pub t_ns: u64,
-    /// The wish.
+    /// The intent.
     pub intent: Intent,
 }
 
