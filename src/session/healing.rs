@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::RenderBackend;
-use super::service::guarded;
+use super::guard::guarded;
 
 /// The first pause after an attempt that failed, and the longest.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);

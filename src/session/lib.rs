@@ -12,6 +12,7 @@ mod cache;
 mod drawn;
 mod encode;
 mod engine;
+mod guard;
 mod healing;
 mod label_maps;
 mod live;

@@ -8,9 +8,7 @@
 //! that met the failure is tried once more. Forgetting a volume uses the same queue and is never
 //! refused, because it frees memory.
 
-use std::any::Any;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,9 +17,10 @@ use std::time::{Duration, Instant};
 
 use super::budget::{BudgetedRequest, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
+use super::guard::guarded;
 use super::healing::Healing;
-use super::ticket::{Ticket, TicketSender, pair};
-use super::waiting::{Waiting, WaitingJobs};
+use super::ticket::{Ticket, pair};
+use super::waiting::{RenderJob, Waiting, WaitingJobs};
 use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_volume::{ContentHash, Grid, Volume};
@@ -85,18 +84,6 @@ pub struct ServiceCounts {
 enum Job {
     Render(Box<RenderJob>),
     Forget(ContentHash),
-}
-
-/// A request for the thread.
-pub(super) struct RenderJob {
-    pub(super) volume: Volume,
-    pub(super) key: FrameKey,
-    pub(super) promise: TicketSender,
-    /// Who asked for it; `None` is a caller of its own.
-    pub(super) caller: Option<Arc<str>>,
-    pub(super) since: Instant,
-    /// The request that waits for it.
-    pub(super) span: tracing::Span,
 }
 
 impl RenderService {
@@ -426,18 +413,6 @@ fn render(
         Ok(Err(BackendError::Refused(_))) | Err(_) => {}
     }
     Ok(Some(outcome.map_err(ServiceError::Panicked)??))
-}
-
-/// A call of the backend. A panic in it becomes its message and the thread continues: one bad
-/// request must not stop the frames of all others. The backend is used again afterwards, so it must
-/// not rely on having finished a call.
-pub(super) fn guarded<T>(call: impl FnOnce() -> T) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(call)).map_err(|panic| panic_text(panic.as_ref()))
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().copied();
-    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message").to_owned()
 }
 
 /// The value is whole between statements, so a panic elsewhere leaves it usable.

@@ -11,8 +11,9 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::service::RenderJob;
-use relief_volume::ContentHash;
+use super::cache::FrameKey;
+use super::ticket::TicketSender;
+use relief_volume::{ContentHash, Volume};
 
 /// A request interrupts a running one only if it is this much shorter.
 const MUCH_SHORTER: f64 = 8.0;
@@ -26,6 +27,18 @@ const SHARED_FOR: Duration = Duration::from_secs(2);
 /// A request is charged at most this many times its expected time: it may have compiled a shader or
 /// uploaded a volume, for all callers.
 const MOST_CHARGE: f64 = 4.0;
+
+/// A request for the thread.
+pub(super) struct RenderJob {
+    pub(super) volume: Volume,
+    pub(super) key: FrameKey,
+    pub(super) promise: TicketSender,
+    /// Who asked for it; `None` is a caller of its own.
+    pub(super) caller: Option<Arc<str>>,
+    pub(super) since: Instant,
+    /// The request that waits for it.
+    pub(super) span: tracing::Span,
+}
 
 /// Requests, and volumes to be forgotten when the requests before are done.
 #[derive(Default)]
@@ -162,10 +175,9 @@ impl WaitingJobs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cache::FrameKey;
     use crate::ticket::{Ticket, pair};
     use relief_render::SceneFile;
-    use relief_volume::{Grid, Orbit, Volume};
+    use relief_volume::{Grid, Orbit};
 
     /// A queue, and the tickets that keep its requests wanted.
     struct Bench {

@@ -11,6 +11,7 @@ mod frame;
 mod ghost;
 mod job;
 mod motion;
+mod open;
 mod pace;
 mod presentation;
 mod preview;

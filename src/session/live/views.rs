@@ -6,9 +6,7 @@ use std::time::Instant;
 
 use super::motion::Delays;
 use super::presentation::Presentation;
-use super::render_loop::{self, DrawableSource};
 use super::{View, lock};
-use crate::engine::Engine;
 
 /// The live views of a server.
 #[derive(Debug)]
@@ -40,32 +38,27 @@ impl Views {
         Some(Arc::clone(view))
     }
 
-    /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime,
-    /// which runs the render loop.
+    /// The view of this name, or a new one with this presentation, and whether it is new: its render
+    /// loop must be started.
     ///
     /// # Errors
     /// When there are as many views as allowed.
-    pub fn find_or_open(
-        self: &Arc<Self>,
-        engine: &Arc<Engine>,
-        drawables: Option<Arc<impl DrawableSource>>,
+    pub(super) fn find_or_add(
+        &self,
         name: &str,
         presentation: Presentation,
-    ) -> Result<Arc<View>, OpenError> {
+    ) -> Result<(Arc<View>, bool), OpenError> {
         let mut views = lock(&self.views);
         if let Some(view) = views.get(name) {
             view.touch();
-            return Ok(Arc::clone(view));
+            return Ok((Arc::clone(view), false));
         }
         if views.len() >= self.most {
             self.retire_unseen(&mut views)?;
         }
         let view = Arc::new(View::new(name.to_owned(), presentation, Instant::now()));
         views.insert(name.to_owned(), Arc::clone(&view));
-        drop(views);
-        let (registry, engine) = (Arc::clone(self), Arc::clone(engine));
-        tokio::spawn(supervised(registry, engine, drawables, Arc::clone(&view)));
-        Ok(view)
+        Ok((view, true))
     }
 
     /// Makes room: of the views that never had a viewer, ends the one that was opened first. A
@@ -100,21 +93,5 @@ impl Views {
         if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
             views.remove(&view.name);
         }
-    }
-}
-
-/// Runs the render loop of a view. A panic in it ends the view and its sessions, which can come back
-/// to a new one; they would wait for frames for ever otherwise.
-async fn supervised(
-    views: Arc<Views>,
-    engine: Arc<Engine>,
-    drawables: Option<Arc<impl DrawableSource>>,
-    view: Arc<View>,
-) {
-    let running = render_loop::run(Arc::clone(&views), engine, drawables, Arc::clone(&view));
-    if let Err(error) = tokio::spawn(running).await {
-        tracing::error!(%error, "the render loop of a view ended by a panic");
-        view.ended.send_replace(true);
-        views.remove(&view);
     }
 }
