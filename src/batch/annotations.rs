@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::source::SeriesError;
+use super::error::SeriesError;
 use relief_annotation::{Geometry, Item};
 use relief_base::{Point, read_at_most, sha256_of, write_whole};
 use relief_session::{Drawables, SurfaceMesh};

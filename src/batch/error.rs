@@ -272,3 +272,25 @@ pub struct Failure {
     /// Why.
     pub reason: String,
 }
+
+/// Why a series was not loaded. The reason names no file: reports are read by others.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{reason}")]
+pub(super) struct SeriesError {
+    pub(super) kind: FailureKind,
+    pub(super) reason: String,
+}
+
+impl SeriesError {
+    pub(super) fn new(kind: FailureKind, reason: impl std::fmt::Display) -> Self {
+        Self { kind, reason: reason.to_string() }
+    }
+
+    pub(super) fn permanent(reason: impl std::fmt::Display) -> Self {
+        Self::new(FailureKind::Permanent, reason)
+    }
+
+    pub(super) fn retryable(reason: impl std::fmt::Display) -> Self {
+        Self::new(FailureKind::Retryable, reason)
+    }
+}

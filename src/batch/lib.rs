@@ -24,6 +24,7 @@ mod landmarks;
 mod location;
 mod log;
 mod manifest;
+mod names;
 mod output_file;
 mod outputs;
 mod picture;

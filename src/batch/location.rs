@@ -4,6 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+/// Endings of files that are a series each.
+pub(super) const SERIES_ENDINGS: [&str; 4] = [".zip", ".nii", ".nii.gz", ".nrrd"];
+
 /// A place on this machine or in a bucket.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Location {

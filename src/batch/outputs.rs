@@ -5,9 +5,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::annotations::PreparedAnnotations;
+use super::error::SeriesError;
 use super::pose::ViewCamera;
 use super::product::Product;
-use super::source::SeriesError;
 use crate::product::DEPTH_UNIT_MM;
 use relief_display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
 use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};

@@ -10,9 +10,10 @@ use super::copies::{Copies, Local};
 use super::error::{PlanError, SkipReason};
 use super::found::{FoundSeries, SeriesFormat};
 use super::landmarks::{camera_views, landmark_views};
-use super::location::Location;
+use super::location::{Location, SERIES_ENDINGS};
 use super::log::AnnotationLog;
-use super::manifest::{Job, NAMES, is_name};
+use super::manifest::Job;
+use super::names::{NAMES, is_name};
 use super::product::Product;
 use super::query::Query;
 use super::source::{LabelsSource, SeriesSource};
@@ -73,8 +74,6 @@ pub struct Plan {
 
 /// Columns of a table.
 const COLUMNS: [&str; 4] = ["path", "series_uid", "name", "labels"];
-/// Endings of files that are a series each.
-pub(super) const SERIES_ENDINGS: [&str; 4] = [".zip", ".nii", ".nii.gz", ".nrrd"];
 
 /// One place to look at.
 struct Candidate {

@@ -8,7 +8,7 @@
 use glam::{DMat3, DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::source::SeriesError;
+use super::error::SeriesError;
 use relief_render::RenderedFrame;
 use relief_volume::Projection;
 

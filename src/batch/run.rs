@@ -11,13 +11,13 @@ use rayon::prelude::*;
 
 use super::annotations::{PreparedAnnotations, ReadiedLast};
 use super::copies::Copies;
-use super::error::{Failure, FailureKind};
+use super::error::{Failure, FailureKind, SeriesError};
 use super::gate::MemoryBudget;
 use super::manifest::{Job, JobKey, Shard};
 use super::outputs::{Outputs, RenderedView};
 use super::record::Record;
 use super::sink::Sink;
-use super::source::{BudgetedVolume, SeriesError, SeriesSource};
+use super::source::{BudgetedVolume, SeriesSource};
 use crate::output_file::OutputFile;
 use relief_render::{
     GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, SceneError, SceneFile, Subject,

@@ -7,7 +7,7 @@ use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 
 use super::copies::Copies;
-use super::error::FailureKind;
+use super::error::{FailureKind, SeriesError};
 use super::gate::{MemoryBudget, ReservedMemory};
 use relief_base::sha256_of_file;
 use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
@@ -52,28 +52,6 @@ pub(super) struct BudgetedVolume<'a> {
     /// Warnings of its reading.
     pub(super) warnings: Vec<String>,
     held: ReservedMemory<'a>,
-}
-
-/// Why a series was not loaded. The reason names no file: reports are read by others.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{reason}")]
-pub(super) struct SeriesError {
-    pub(super) kind: FailureKind,
-    pub(super) reason: String,
-}
-
-impl SeriesError {
-    pub(super) fn new(kind: FailureKind, reason: impl std::fmt::Display) -> Self {
-        Self { kind, reason: reason.to_string() }
-    }
-
-    pub(super) fn permanent(reason: impl std::fmt::Display) -> Self {
-        Self::new(FailureKind::Permanent, reason)
-    }
-
-    pub(super) fn retryable(reason: impl std::fmt::Display) -> Self {
-        Self::new(FailureKind::Retryable, reason)
-    }
 }
 
 impl SeriesSource {

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::error::{PlanError, ViewError, ViewsError};
-use super::manifest::{NAMES, is_name};
+use super::names::{NAMES, is_name};
 use relief_render::SceneFile;
 
 /// A view by name, and its difference to the shared scene.

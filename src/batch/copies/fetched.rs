@@ -11,9 +11,8 @@ use sha2::{Digest, Sha256};
 use super::shelf::CopyFolder;
 use super::{Copies, Local};
 use crate::bucket::{Bucket, Object};
-use crate::location::Location;
+use crate::location::{Location, SERIES_ENDINGS};
 use crate::output_file::OutputFile;
-use crate::plan::SERIES_ENDINGS;
 
 /// The folder, and the buckets that were opened.
 #[derive(Debug, Default)]

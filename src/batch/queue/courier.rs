@@ -73,7 +73,7 @@ enum FetchedJobs {
     },
     /// The consumer was not there any more, or no connection was; here it is again.
     Again(Box<Consumer<pull::Config>>),
-    Lost(String),
+    Lost(async_nats::Error),
 }
 
 /// Brings jobs and takes words.
@@ -298,13 +298,13 @@ async fn fetch(
     let reason = match asked.await {
         Ok(Ok((messages, is_over))) if messages.is_empty() => return FetchedJobs::Nothing { is_over },
         Ok(Ok((messages, _))) => return FetchedJobs::Messages(messages),
-        Ok(Err(error)) => error.to_string(),
-        Err(_) => "it does not answer".to_owned(),
+        Ok(Err(error)) => error,
+        Err(_) => "it does not answer".into(),
     };
     sleep(Duration::from_secs(1)).await;
     match timeout(NO_ANSWER, queue.consumer(ack_wait)).await {
         Ok(Ok(consumer)) => FetchedJobs::Again(Box::new(consumer)),
-        Ok(Err(error)) => FetchedJobs::Lost(error.to_string()),
+        Ok(Err(error)) => FetchedJobs::Lost(error.into()),
         Err(_) => FetchedJobs::Lost(reason),
     }
 }
