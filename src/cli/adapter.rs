@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 
-use super::memory::parse_bytes;
+use crate::memory::parse_bytes;
 use relief_render::{AdapterChoice, Renderer, VolumeLimits};
 use relief_session::GpuBackend;
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use serde_json::json;
 
-use super::output::{print_json, say};
+use crate::output::{print_json, say};
 use relief_server::verify_audit_log;
 
 /// Check that no record of an audit log was changed, moved or removed

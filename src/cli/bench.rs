@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use anyhow::bail;
 
-use super::adapter::AdapterArguments;
-use super::capacity::{self, CapacityArguments};
-use super::output::{print_json, say};
-use super::scene::SceneArguments;
-use super::source::{SeriesArguments, SeriesOptions};
+use crate::adapter::AdapterArguments;
+use crate::capacity::{self, CapacityArguments};
+use crate::output::{print_json, say};
+use crate::scene::SceneArguments;
+use crate::source::{SeriesArguments, SeriesOptions};
 use relief_render::{
     Clip, ClipPlane, EmptySpaceSkipping, FramingRule, RenderError, RenderRequest, RenderedFrame, Renderer,
     Subject,

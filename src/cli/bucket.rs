@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::memory::parse_bytes;
+use crate::memory::parse_bytes;
 use relief_batch::{Copies, CopiesOptions, Location, Sink};
 
 /// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID,

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use super::output::{print_json, say, write_whole};
+use crate::output::{print_json, say, write_whole};
 use crate::text_file::read_text;
 use relief_tracking::choose_views;
 use relief_tracking::{

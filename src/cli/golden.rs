@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use super::output::{print_json, say, write_whole};
+use crate::output::{print_json, say, write_whole};
 use relief_golden::{
     Artefacts, Blessing, CaseReport, Change, CheckReport, Collection, Comparison, Difference, Harness,
     Verdict,

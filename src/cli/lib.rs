@@ -10,30 +10,16 @@ mod annotated;
 mod audit;
 mod axis;
 mod batch;
-mod batch_plan;
-#[cfg(feature = "cluster")]
-mod batch_queue;
-mod batch_shared;
 mod bench;
 mod bucket;
 mod calibrate;
 mod capacity;
 mod choices;
 mod client;
-mod client_arguments;
-mod client_remote;
-mod client_replay;
-mod client_session;
-mod client_watch;
-#[cfg(feature = "window")]
-mod client_window;
 mod doctor;
-mod doctor_isolation;
 mod drawing;
-mod faults;
 mod golden;
 mod inspect;
-mod inspect_frame;
 mod labels;
 mod light;
 mod memory;
@@ -44,28 +30,14 @@ mod preview;
 mod render;
 mod scene;
 mod serve;
-mod serve_identity;
-mod serve_load;
-mod serve_readers;
-mod serve_series;
 mod slice;
 mod source;
+mod stop;
 mod text_file;
 mod token;
 #[cfg(feature = "traces")]
 mod traces;
 mod track;
-mod track_design;
-mod track_display;
-mod track_experiment;
-mod track_intents;
-mod track_outcome;
-mod track_plots;
-mod track_publish;
-mod track_scene;
-mod track_simulate;
-mod track_source;
-mod track_views;
 mod transfer;
 mod views;
 
@@ -110,7 +82,7 @@ enum Command {
     Presets(presets::PresetsArguments),
     Bench(bench::BenchArguments),
     Serve(serve::ServeArguments),
-    Client(client_arguments::ClientArguments),
+    Client(client::arguments::ClientArguments),
     Track(track::TrackArguments),
     Calibrate(calibrate::CalibrateArguments),
     Annotate(annotate::AnnotateArguments),

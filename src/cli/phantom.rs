@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output::{self, say};
+use crate::output::{self, say};
 use relief_dicom::{ExistingFolder, SeriesFolder, SeriesLabels, write_seg_nrrd};
 use relief_volume::{Phantom, PhantomKind, PhantomRecipe};
 

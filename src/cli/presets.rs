@@ -8,10 +8,10 @@ use std::process::ExitCode;
 use anyhow::bail;
 use serde_json::json;
 
-use super::adapter::AdapterArguments;
-use super::output::{print_json, say, write_whole};
-use super::source::{SeriesOptions, load};
-use super::transfer::{Range, parse_range, read_look};
+use crate::adapter::AdapterArguments;
+use crate::output::{print_json, say, write_whole};
+use crate::source::{SeriesOptions, load};
+use crate::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
 use relief_render::{RenderedFrame, Subject, preset_json};
 use relief_session::encode;

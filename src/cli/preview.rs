@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 
-use super::inspect_frame::read_bounded;
-use super::output::{print_json, say, write_whole};
+use crate::inspect::frame::read_bounded;
+use crate::output::{print_json, say, write_whole};
 use relief_display::{
     DisplayProfile, FrameReport, Layout, Parallax, ProfileName, Views, decode_wiggle, encode_views, read_png,
     synthesize,

@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::adapter::AdapterArguments;
-use super::annotated::draw_annotations;
-use super::output::{print_json, say, write_whole};
-use super::scene::SceneArguments;
-use super::source::SeriesArguments;
-use super::views;
+use crate::adapter::AdapterArguments;
+use crate::annotated::draw_annotations;
+use crate::output::{print_json, say, write_whole};
+use crate::scene::SceneArguments;
+use crate::source::SeriesArguments;
+use crate::views;
 use relief_annotation::ShownSets;
 use relief_render::{
     Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, Subject,

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::choices::{depth_rules, framing_rules, layouts, qualities, table_rules};
-use super::light::LightArguments;
-use super::slice::SliceArguments;
-use super::transfer::TransferArguments;
+use crate::choices::{depth_rules, framing_rules, layouts, qualities, table_rules};
+use crate::light::LightArguments;
+use crate::slice::SliceArguments;
+use crate::transfer::TransferArguments;
 use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout};
 use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, Quality, SceneFile, TableRule};
 use relief_volume::{Orbit, PRESETS};

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::labels;
-use super::memory::available_bytes;
+use crate::labels;
+use crate::memory::available_bytes;
 use relief_dicom::{Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
 
 use relief_volume::{Grid, LabelMap};

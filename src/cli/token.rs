@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use serde_json::json;
 
-use super::output::{print_json, say};
+use crate::output::{print_json, say};
 use relief_annotation::Timestamp;
 use relief_server::{NewToken, Scope, TokenEntry, add_token, read_tokens, remove_token};
 

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use super::super::output::{print_json, say};
-use super::LogArguments;
+use super::log_options::LogArguments;
 
 /// Read the whole log, and say whether it holds together
 #[derive(Debug, clap::Args)]

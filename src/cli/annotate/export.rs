@@ -8,7 +8,8 @@ use serde::Serialize;
 
 use super::super::choices::formats;
 use super::super::output::{print_json, say, write_whole};
-use super::{Log, LogArguments, series};
+use super::log_options::{Log, LogArguments};
+use super::series;
 use relief_annotation::{ContentId, Item};
 use relief_exchange::{Format, LeftOut, WriteContext, deidentified};
 use relief_store::Filter;

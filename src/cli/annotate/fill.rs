@@ -6,7 +6,7 @@ use anyhow::bail;
 use serde_json::json;
 
 use super::super::source::SeriesArguments;
-use super::LogArguments;
+use super::log_options::LogArguments;
 use super::structure::{NewArguments, Scan, find, keep_new, report};
 use relief_annotation::Contour;
 use relief_annotation::Geometry;

@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 
 use super::super::source::SeriesArguments;
-use super::LogArguments;
+use super::log_options::LogArguments;
 use super::structure::{NewArguments, Scan, keep_new, parse_place, report};
 use relief_annotation::Geometry;
 use relief_annotation::grow_region;

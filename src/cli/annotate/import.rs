@@ -8,7 +8,8 @@ use serde::Serialize;
 
 use super::super::choices::formats;
 use super::super::output::{print_json, say};
-use super::{ByArguments, Log, LogArguments, series, table};
+use super::log_options::{ByArguments, Log, LogArguments};
+use super::{series, table};
 use relief_annotation::{Change, Edit, Item, ItemId, Set, Versioned};
 use relief_exchange::{ExistingItems, Format, Imported, Merged, ReadContext};
 use relief_store::Filter;

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::{LogArguments, table};
+use super::log_options::LogArguments;
+use super::table;
 use relief_annotation::{Event, EventKind, ItemId};
 use relief_store::LogFilter;
 

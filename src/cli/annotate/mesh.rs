@@ -7,8 +7,8 @@ use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::super::output::write_whole;
+use super::log_options::{ByArguments, LogArguments};
 use super::structure::{NewArguments, find, keep_new, mask_of, report};
-use super::{ByArguments, LogArguments};
 use relief_annotation::Geometry;
 
 use relief_annotation::{Decimation, MeshFormat, Smoothing, TriangleMesh, surface_nets};

@@ -6,8 +6,8 @@ use anyhow::bail;
 use serde_json::json;
 
 use super::super::source::SeriesArguments;
+use super::log_options::{Log, LogArguments};
 use super::structure::{NewArguments, Scan, find, keep, keep_new, mask_of, parse_place, report};
-use super::{Log, LogArguments};
 use relief_annotation::Stroke;
 use relief_annotation::paint_strokes;
 use relief_annotation::{Change, Geometry, Item, Versioned};

@@ -6,8 +6,8 @@ use anyhow::bail;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
+use super::log_options::{ByArguments, LogArguments};
 use super::structure::{find, keep, mask_of, report};
-use super::{ByArguments, LogArguments};
 use relief_annotation::{Change, Geometry, RefineStep, refine_region};
 
 /// Smooth a region, fill its holes, or keep its largest part

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::{AuthorArguments, LogArguments, table};
+use super::log_options::{AuthorArguments, LogArguments};
+use super::table;
 use relief_annotation::Set;
 use relief_store::Filter;
 
@@ -86,7 +87,7 @@ pub(super) fn run(arguments: &SetsArguments, log: &LogArguments) -> anyhow::Resu
     list(arguments, &log)
 }
 
-fn list(arguments: &SetsArguments, log: &super::Log) -> anyhow::Result<ExitCode> {
+fn list(arguments: &SetsArguments, log: &super::log_options::Log) -> anyhow::Result<ExitCode> {
     let sets = log.wait(log.store().sets())?;
     let items = log.wait(log.store().list(&Filter::default()))?.items;
     let count = |set: &Set| items.iter().filter(|found| found.item.set == set.name).count();

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::super::source::{self, SeriesArguments};
-use super::{ByArguments, Log};
+use super::log_options::{ByArguments, Log};
 use relief_annotation::{
     Change, ContentId, Edit, FrameOfReference, Geometry, Item, ItemId, Method, Placement, Versioned,
 };

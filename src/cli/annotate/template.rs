@@ -7,7 +7,8 @@ use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::{AuthorArguments, Log, LogArguments, import, series, table};
+use super::log_options::{AuthorArguments, Log, LogArguments};
+use super::{import, series, table};
 use relief_annotation::{Change, Completeness, Edit, FrameOfReference, Item, Set, Template};
 use relief_exchange::{Format, ReadContext};
 use relief_store::{Filter, StoreError};

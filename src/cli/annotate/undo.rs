@@ -7,7 +7,8 @@ use serde_json::json;
 
 use super::super::output::{print_json, say};
 use super::log::what;
-use super::{ByArguments, LogArguments, table};
+use super::log_options::{ByArguments, LogArguments};
+use super::table;
 use relief_annotation::{Event, Item};
 use relief_store::StoreError;
 

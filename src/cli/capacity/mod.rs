@@ -5,14 +5,13 @@ mod print;
 
 use std::process::ExitCode;
 
-use serde::Serialize;
-
 use super::adapter::AdapterArguments;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
 use super::source::SeriesArguments;
+use print::CapacityReport;
 use relief_render::Subject;
-use relief_study::{Capacity, CapacityMeasurement, GroupNeeds, ViewerHabits, measure_capacity, process_mib};
+use relief_study::{ViewerHabits, measure_capacity, process_mib};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
 /// Options of `relief bench --capacity`.
@@ -31,16 +30,6 @@ pub(super) struct CapacityArguments {
     /// Print the tables of docs/CAPACITY.md
     #[arg(long, requires = "capacity", conflicts_with = "json")]
     pub(super) markdown: bool,
-}
-
-/// The JSON form, documented in docs/CAPACITY.md.
-#[derive(Debug, Serialize)]
-struct CapacityReport {
-    measured: CapacityMeasurement,
-    habits: ViewerHabits,
-    carried: Capacity,
-    /// For 1 to 10,000 viewers; empty where this machine is too slow for one.
-    needed: Vec<GroupNeeds>,
 }
 
 /// The inputs of the measurement.

@@ -2,8 +2,19 @@
 
 use std::fmt::Write;
 
-use super::CapacityReport;
-use relief_study::FrameRates;
+use serde::Serialize;
+
+use relief_study::{Capacity, CapacityMeasurement, FrameRates, GroupNeeds, ViewerHabits};
+
+/// The JSON form, documented in docs/CAPACITY.md.
+#[derive(Debug, Serialize)]
+pub(super) struct CapacityReport {
+    pub(super) measured: CapacityMeasurement,
+    pub(super) habits: ViewerHabits,
+    pub(super) carried: Capacity,
+    /// For 1 to 10,000 viewers; empty where this machine is too slow for one.
+    pub(super) needed: Vec<GroupNeeds>,
+}
 
 /// For a terminal.
 pub(super) fn text(report: &CapacityReport) -> String {

@@ -11,7 +11,8 @@ use std::process::ExitCode;
 use anyhow::Context;
 
 use super::super::output::{print_json, say, write_whole};
-use super::{Log, LogArguments, table};
+use super::log_options::{Log, LogArguments};
+use super::table;
 use relief_annotation::Set;
 use relief_store::Filter;
 use relief_study::compare_readings;

@@ -1,0 +1,207 @@
+//! The arguments of `relief client`.
+
+use std::net::IpAddr;
+use std::path::PathBuf;
+
+use crate::choices::layouts;
+use crate::client::remote::RemoteArguments;
+use crate::scene::parse_size;
+use relief_annotation::ShownSets;
+use relief_client::ServerAddress;
+use relief_display::{Layout, ProfileName};
+use relief_live::{LiveLayout, OrbitPose, check_view_name};
+
+/// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
+/// Wiimote's poses.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct ClientArguments {
+    /// The server: http://HOST:PORT or https://HOST:PORT
+    #[arg(long, value_name = "URL")]
+    pub(crate) server: ServerAddress,
+    /// Token for a server that asks who you are, made by `relief token add`; better as RELIEF_TOKEN,
+    /// which the list of processes does not show
+    #[arg(long, value_name = "TOKEN", env = "RELIEF_TOKEN", hide_env_values = true)]
+    pub(crate) token: Option<String>,
+    /// Trust servers with a certificate of these authorities, PEM, and no others
+    #[arg(long, value_name = "FILE.pem")]
+    pub(crate) ca: Option<PathBuf>,
+    /// Name of a view that several clients share; one of its own when left out
+    #[arg(long, value_name = "NAME", value_parser = view_name)]
+    pub(crate) view: Option<String>,
+    /// Volume, by its id; the server's first one when left out, also after the server was restarted with
+    /// another
+    #[arg(long, value_name = "ID")]
+    pub(crate) volume: Option<String>,
+    /// Whether this client may move the view, or looks
+    #[arg(long, value_enum, default_value_t = Part::Presenter)]
+    pub(crate) role: Part,
+    /// Preset of colours and light
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Option<String>,
+    /// Look from there: azimuth and elevation, degrees, and zoom if you like
+    #[arg(long, value_name = "AZ,EL[,ZOOM]", value_parser = parse_look, allow_hyphen_values = true)]
+    pub(crate) look: Option<OrbitPose>,
+    /// The display: philips-20, philips-42 or dimenco-4k, for its frame size and depth curve; that of the
+    /// layout when left out
+    #[arg(long, value_name = "NAME", value_parser = profile_name)]
+    pub(crate) profile: Option<ProfileName>,
+    #[arg(long, value_name = "NAME", help = layouts("Layout of the frame", is_streamed))]
+    pub(crate) layout: Option<Layout>,
+    /// Depth effect that the display's header asks for; 64 is 100 %
+    #[arg(long, value_name = "0..255")]
+    pub(crate) factor: Option<u8>,
+    /// Disparity on the screen plane that the display's header asks for
+    #[arg(long, value_name = "0..255")]
+    pub(crate) offset: Option<u8>,
+    /// Size of the picture (in 2D-plus-depth layouts, of each half)
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Lossless colour while the view moves, too
+    #[arg(long)]
+    pub(crate) lossless: bool,
+    /// Draw annotations: all, or sets by their names with commas between them; A places landmarks
+    /// then, and 1 takes them back
+    #[arg(long, value_name = "true|SETS", value_parser = ShownSets::parse)]
+    pub(crate) annotations: Option<ShownSets>,
+    /// Author of placed annotations
+    #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
+    pub(crate) author: Option<String>,
+    /// Wait for a server or a volume that is not there yet: so it is without --save-frame, --measure
+    /// and --replay
+    #[arg(long, conflicts_with = "no_wait")]
+    wait: bool,
+    /// End where the server or the volume is not there yet: so it is with --save-frame, --measure
+    /// and --replay
+    #[arg(long)]
+    no_wait: bool,
+    #[command(flatten)]
+    pub(crate) remote: RemoteArguments,
+    #[command(flatten)]
+    pub(crate) headless: HeadlessArguments,
+    /// Record the session: messages and hashes of frames, JSON lines
+    #[arg(long, value_name = "FILE", conflicts_with = "measure")]
+    pub(crate) record: Option<PathBuf>,
+    /// Play a recorded session, and compare its still pictures
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["measure", "look"])]
+    pub(crate) replay: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[cfg(feature = "window")]
+    #[command(flatten)]
+    pub(crate) window: WindowArguments,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct HeadlessArguments {
+    /// Open no window
+    #[arg(long)]
+    pub(crate) headless: bool,
+    /// Move the view for so long, and tell how quick the server is
+    #[arg(long, value_name = "SECONDS", requires = "headless", value_parser = seconds)]
+    pub(crate) measure: Option<f64>,
+    /// Clients that measure; with --view they share one that the first of them moves
+    #[arg(long, value_name = "N", requires = "measure", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) clients: u16,
+    /// Clients beside them that take nothing, or acknowledge nothing
+    #[arg(long, value_name = "M", requires = "measure", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1000))]
+    pub(crate) stalled: u16,
+    /// Poses a second
+    #[arg(long, value_name = "HZ", requires = "measure", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) pose_hz: u16,
+    /// Compose every N-th frame and check its header; 0 checks the still frame only
+    #[arg(long, value_name = "N", requires = "measure", default_value_t = 1)]
+    pub(crate) check_every: u32,
+    /// Write the still frame, composed, as PNG
+    #[arg(long, value_name = "F.png", requires = "headless")]
+    pub(crate) save_frame: Option<PathBuf>,
+}
+
+impl ClientArguments {
+    /// Whether the client waits for a server or a volume that is not there yet.
+    pub(crate) fn waits(&self) -> bool {
+        let is_one_task =
+            self.headless.save_frame.is_some() || self.headless.measure.is_some() || self.replay.is_some();
+        self.wait || !(self.no_wait || is_one_task)
+    }
+
+    /// Whether the server is on this machine.
+    pub(crate) fn is_local(&self) -> bool {
+        let host = self.server.target().0;
+        host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+    }
+}
+
+const AFTER_HELP: &str = "\
+Without --headless a window shows the frames, one pixel of a frame on one pixel of the display. A lost connection is made again,
+and the session goes on where it was. After 3 s without a connection the window shows \"waiting for HOST\" in place of the picture.
+
+Mouse: drag turns, right drag shifts, the wheel zooms, Ctrl and click sets the cursor.
+Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Down cut, space places, U takes back, N next label,
+      R resets, F full screen, Q or Escape ends.
+
+Examples:
+  relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
+  RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
+  relief client --server http://127.0.0.1:8080 --headless --look 30,10 --save-frame frame.png
+  relief client --server http://127.0.0.1:8080 --headless --measure 10 --json
+  relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";
+
+fn view_name(name: &str) -> Result<String, String> {
+    check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.reason)
+}
+
+fn profile_name(name: &str) -> Result<ProfileName, String> {
+    let names = || ProfileName::ALL.map(ProfileName::name).join(", ");
+    let found = ProfileName::ALL.into_iter().find(|profile| profile.name() == name);
+    found.ok_or_else(|| format!("displays are {}", names()))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    if (0.1..=3600.0).contains(&seconds) { Ok(seconds) } else { Err("allowed: 0.1 to 3600 s".to_owned()) }
+}
+
+fn parse_look(text: &str) -> Result<OrbitPose, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    match numbers.as_deref() {
+        Ok(&[azimuth_deg, elevation_deg]) => Ok(OrbitPose { azimuth_deg, elevation_deg, zoom: None }),
+        Ok(&[azimuth_deg, elevation_deg, zoom]) => {
+            Ok(OrbitPose { azimuth_deg, elevation_deg, zoom: Some(zoom) })
+        }
+        _ => Err("a view is AZIMUTH,ELEVATION or AZIMUTH,ELEVATION,ZOOM, such as 30,10,1.4".to_owned()),
+    }
+}
+
+/// Whether live sessions have this layout.
+fn is_streamed(layout: Layout) -> bool {
+    LiveLayout::of(layout) != LiveLayout::None
+}
+
+/// The role of the client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Part {
+    /// Moves the view
+    Presenter,
+    /// Looks
+    Watcher,
+}
+
+#[cfg(feature = "window")]
+#[derive(Debug, clap::Args)]
+pub(crate) struct WindowArguments {
+    /// All of the monitor, without borders
+    #[arg(long, conflicts_with_all = ["windowed", "headless"])]
+    pub(crate) fullscreen: bool,
+    /// A window of the frame's size; so it is without --fullscreen
+    #[arg(long, conflicts_with = "headless")]
+    pub(crate) windowed: bool,
+    /// Which monitor, from 0, from left to right
+    #[arg(long, value_name = "N", conflicts_with = "headless")]
+    pub(crate) monitor: Option<usize>,
+    /// Never draw marks of state into the picture's lower left corner; a picture that is out of date is
+    /// replaced by text even so
+    #[arg(long, conflicts_with = "headless")]
+    pub(crate) clean: bool,
+}

@@ -1,0 +1,198 @@
+//! `relief client` without a window: prints and records events, and keeps the newest still frame.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Notify;
+use tokio::time::timeout;
+
+use crate::output::GrowingFile;
+use relief_client::{Event, Handle, LinkState, Received};
+use relief_live::{Hello, OrbitPose, PoseKind, ServerMessage};
+
+/// A recording that grows, or none.
+pub(crate) struct Recorder(Mutex<Recording>);
+
+struct Recording {
+    file: Option<GrowingFile>,
+    failed: Option<anyhow::Error>,
+}
+
+impl Recorder {
+    pub(crate) fn create(path: Option<&Path>, hello: &Hello) -> anyhow::Result<Self> {
+        let mut file = path.map(GrowingFile::create).transpose()?;
+        if let Some(file) = &mut file {
+            file.line(&relief_client::journal_head(hello))?;
+        }
+        Ok(Self(Mutex::new(Recording { file, failed: None })))
+    }
+
+    fn recording(&self) -> MutexGuard<'_, Recording> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn is_recording(&self) -> bool {
+        self.recording().file.is_some()
+    }
+
+    /// Records events. After a failure it records no more, and [`Recorder::finish`] returns the
+    /// error.
+    pub(crate) fn keep(&self, t_ns: u64, event: &Event) {
+        if !self.is_recording() {
+            return;
+        }
+        let Some(line) = relief_client::journal_line(t_ns, event) else { return };
+        let mut recording = self.recording();
+        if let Some(Err(error)) = recording.file.as_mut().map(|file| file.line(&line)) {
+            (recording.file, recording.failed) = (None, Some(error));
+        }
+    }
+
+    /// Makes a whole file of it.
+    pub(crate) fn finish(&self) -> anyhow::Result<()> {
+        let mut recording = self.recording();
+        match (recording.file.take(), recording.failed.take()) {
+            (_, Some(error)) => Err(error),
+            (Some(file), None) => file.finish(),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+/// Prints changes of the connection to stderr, each once; nothing of patients.
+#[derive(Debug, Default)]
+pub(crate) struct LinkLog {
+    /// Reasons that were printed since the last connection: attempts go on every 800 ms.
+    printed: Mutex<BTreeSet<String>>,
+}
+
+impl LinkLog {
+    pub(crate) fn take(&self, event: &Event) {
+        let mut printed = self.printed.lock().unwrap_or_else(PoisonError::into_inner);
+        match event {
+            Event::State(LinkState::Connected { resumed, view, .. }) => {
+                let how = if *resumed { "resumed" } else { "connected" };
+                eprintln!("{how}: view {view}");
+                printed.clear();
+            }
+            Event::State(LinkState::Lost { reason, .. }) => {
+                if printed.insert(reason.clone()) {
+                    eprintln!("{reason}; trying again until the server answers");
+                }
+            }
+            Event::State(LinkState::Silent) => eprintln!("the server is silent"),
+            Event::State(LinkState::Heard) => eprintln!("the server answers again"),
+            other => tell(other),
+        }
+    }
+}
+
+/// Prints refusals and unreadable messages to stderr.
+fn tell(event: &Event) {
+    match event {
+        Event::Message(message) => {
+            if let ServerMessage::Error(error) = message.as_ref() {
+                let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
+                let detail = detail.unwrap_or("something");
+                eprintln!(
+                    "the server refuses: {}",
+                    detail.chars().filter(|c| !c.is_control()).collect::<String>()
+                );
+            }
+        }
+        Event::Unreadable(reason) => eprintln!("a message of the server cannot be read: {reason}"),
+        Event::State(_) | Event::Sent(_) | Event::Frame(_) => {}
+    }
+}
+
+/// A view that changes shows it within this, if only in a small picture.
+const QUIET: Duration = Duration::from_secs(2);
+
+/// Takes frames without showing them.
+pub(crate) struct FrameCounter<'a> {
+    handle: &'a Handle,
+    recorder: &'a Recorder,
+    log: LinkLog,
+    still: Mutex<Option<Received>>,
+    connected: Mutex<bool>,
+    /// When the last frame or state came.
+    moved: Mutex<Instant>,
+    changed: Notify,
+}
+
+impl<'a> FrameCounter<'a> {
+    pub(crate) fn new(handle: &'a Handle, recorder: &'a Recorder) -> Self {
+        let (still, connected) = (Mutex::new(None), Mutex::new(false));
+        let (moved, changed) = (Mutex::new(Instant::now()), Notify::new());
+        let log = LinkLog::default();
+        Self { handle, recorder, log, still, connected, moved, changed }
+    }
+
+    pub(crate) fn take(&self, event: Event) {
+        self.log.take(&event);
+        self.recorder.keep(self.handle.now_ns(), &event);
+        match event {
+            Event::Frame(received) => {
+                self.handle.ack(received.connection, received.header.sequence);
+                *self.still() = received.header.still.then_some(received);
+            }
+            Event::State(LinkState::Silent | LinkState::Heard) => {}
+            Event::State(state) => {
+                *self.connected() = matches!(state, LinkState::Connected { .. });
+            }
+            Event::Message(_) => {}
+            Event::Sent(_) | Event::Unreadable(_) => return,
+        }
+        *self.moved() = Instant::now();
+        self.changed.notify_waiters();
+    }
+
+    fn still(&self) -> MutexGuard<'_, Option<Received>> {
+        self.still.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn moved(&self) -> MutexGuard<'_, Instant> {
+        self.moved.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn connected(&self) -> MutexGuard<'_, bool> {
+        self.connected.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for an event.
+    async fn until<T>(&self, look: impl Fn(&Self) -> Option<T>) -> T {
+        loop {
+            let changed = self.changed.notified();
+            if let Some(found) = look(self) {
+                return found;
+            }
+            changed.await;
+        }
+    }
+
+    /// Waits for a connection and sends the pose; gives its number, 0 without a pose.
+    pub(crate) async fn look(&self, look: Option<OrbitPose>) -> u64 {
+        self.until(|watch| watch.connected().then_some(())).await;
+        let pose = look.map(PoseKind::Orbit);
+        pose.and_then(|pose| self.handle.pose(self.handle.now_ns(), pose)).unwrap_or(0)
+    }
+
+    /// The still frame that shows message `seq`. A message that changes nothing is shown by none:
+    /// after a while without frames and messages the newest frame counts, if it is still; what
+    /// moves is shown at once, so it would not be.
+    pub(crate) async fn still_after(&self, seq: u64) -> Received {
+        *self.moved() = Instant::now();
+        loop {
+            let newest = self.until(|watch| watch.still().clone());
+            if let Ok(still) = timeout(QUIET, newest).await {
+                let quiet = self.moved().elapsed() > QUIET;
+                if quiet || still.header.shows_seq >= seq {
+                    return still;
+                }
+            }
+            tokio::time::sleep(QUIET / 50).await;
+        }
+    }
+}

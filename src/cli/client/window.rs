@@ -1,0 +1,111 @@
+//! `relief client` with a window.
+
+use std::time::Duration;
+
+use crate::client::arguments::WindowArguments;
+use crate::client::remote::Tracking;
+use crate::client::session::Session;
+use crate::client::watch::{LinkLog, Recorder};
+use crate::stop::stop_signal;
+use relief_client::{Event, Handle, Lettering, LinkState, Screen, Window, WindowOptions};
+use relief_live::{OrbitPose, PoseKind, Role};
+use relief_render::{TextMask, text_mask};
+
+/// Interval at which the window gets the state of tracking.
+const TRACKING: Duration = Duration::from_millis(100);
+
+pub(crate) fn run(
+    arguments: &WindowArguments,
+    session: &Session,
+    handle: &Handle,
+    tracking: Tracking,
+    look: Option<OrbitPose>,
+    recorder: Recorder,
+    runtime: &tokio::runtime::Runtime,
+) -> anyhow::Result<()> {
+    let window = Window::new()?;
+    let (host, port) = session.options.server.target();
+    let options = WindowOptions {
+        fullscreen: arguments.fullscreen && !arguments.windowed,
+        monitor: arguments.monitor,
+        clean: arguments.clean,
+        layout: session.layout,
+        frame_px: session.frame_px,
+        presents: session.options.hello.role == Role::Presenter,
+        waiting: format!("waiting for {host}:{port}"),
+        lettering: |text, height_px| {
+            let TextMask { size_px, coverage } = text_mask(text, height_px);
+            Lettering { size_px, coverage }
+        },
+    };
+    let recorder = std::sync::Arc::new(recorder);
+    let running = {
+        let live = Live {
+            screen: window.screen(),
+            handle: handle.clone(),
+            recorder: std::sync::Arc::clone(&recorder),
+            log: LinkLog::default(),
+            look: std::sync::Mutex::new(look),
+        };
+        let options = session.options.clone();
+        let signal = {
+            let _runtime = runtime.enter();
+            stop_signal()?
+        };
+        runtime.spawn(async move {
+            let on = |event| live.take(&event);
+            let link = relief_client::run(&options, &live.handle, &on);
+            let ended = async {
+                tokio::select! {
+                    () = signal => live.handle.stop(),
+                    () = tell_tracking(&tracking, &live.screen) => {}
+                }
+                std::future::pending::<()>().await;
+            };
+            let outcome = tokio::select! {
+                linked = link => linked,
+                () = ended => Ok(()),
+            };
+            live.screen.stop();
+            outcome
+        })
+    };
+    window.show(options, handle, session.composer.clone())?;
+    let linked = runtime.block_on(running)?;
+    recorder.finish()?;
+    Ok(linked?)
+}
+
+/// Passes the state of tracking to the window, where the client tracks.
+async fn tell_tracking(tracking: &Tracking, screen: &Screen) {
+    loop {
+        let known = *tracking.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if known.is_some() {
+            screen.tracking(known);
+        }
+        tokio::time::sleep(TRACKING).await;
+    }
+}
+
+/// Handles the events of a session with a window.
+struct Live {
+    screen: Screen,
+    handle: Handle,
+    recorder: std::sync::Arc<Recorder>,
+    log: LinkLog,
+    look: std::sync::Mutex<Option<OrbitPose>>,
+}
+
+impl Live {
+    fn take(&self, event: &Event) {
+        self.log.take(event);
+        self.recorder.keep(self.handle.now_ns(), event);
+        self.screen.take(event);
+        if matches!(event, Event::State(LinkState::Connected { .. })) {
+            let look = self.look.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+            if let Some(look) = look {
+                self.handle.pose(self.handle.now_ns(), PoseKind::Orbit(look));
+            }
+        }
+    }
+}

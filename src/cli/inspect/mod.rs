@@ -1,0 +1,153 @@
+//! `relief inspect`: describes a series or a 2D-plus-depth frame, and reports errors.
+
+pub(crate) mod frame;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use data_encoding::HEXLOWER;
+use serde::Serialize;
+
+use crate::output::say;
+use crate::{output, source};
+use relief_base::printable;
+use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
+
+/// Describe a CT series or decode a 2D-plus-depth frame, and report errors
+#[derive(Debug, clap::Args)]
+pub(super) struct InspectArguments {
+    /// CT series (folder, file, DICOMDIR or zip), or a 2D-plus-depth frame (PNG)
+    #[arg(value_name = "SERIES|FRAME.png")]
+    path: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Fail on any defective file instead of leaving it out with a warning
+    #[arg(long)]
+    strict: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct InspectReport {
+    series: Vec<SeriesReport>,
+    skipped: Vec<Skipped>,
+}
+
+/// A series as `--json` shows it: geometry of the volume, hash of the stack as read.
+#[derive(Debug, Serialize)]
+struct SeriesReport {
+    uid: String,
+    modality: String,
+    dims: [usize; 3],
+    spacing_mm: [f64; 3],
+    origin_mm: [f64; 3],
+    /// Columns are the voxel axes in LPS; row-major.
+    direction: [f64; 9],
+    hu_range: [i16; 2],
+    stack_sha256: String,
+    transfer_syntax: String,
+    warnings: Vec<Warning>,
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
+pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
+    if is_png(&arguments.path) {
+        return frame::run(&arguments.path, arguments.json);
+    }
+    let report = report(&arguments)?;
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        print(&report);
+    }
+    if report.series.is_empty() {
+        eprintln!("relief: no CT series in {} can be loaded", arguments.path.display());
+        return Ok(ExitCode::FAILURE);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// By its signature, since frames are often served and saved without extension.
+fn is_png(path: &Path) -> bool {
+    let mut signature = [0; 8];
+    if !path.is_file() {
+        return false; // opening a pipe would wait for its writer
+    }
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut signature));
+    read.is_ok() && signature == *b"\x89PNG\r\n\x1a\n"
+}
+
+fn report(arguments: &InspectArguments) -> anyhow::Result<InspectReport> {
+    let strictness = source::strictness(arguments.strict);
+    let found = source::discover(&arguments.path, strictness)?;
+    let mut report = InspectReport { series: Vec::new(), skipped: found.skipped.clone() };
+    for entry in &found.series {
+        match source::load_entry(entry, strictness) {
+            Ok(loaded) => report.series.push(SeriesReport::new(entry, &loaded)),
+            Err(error) if arguments.strict => return Err(error),
+            // One series that cannot be loaded must not hide the others.
+            Err(error) => {
+                let reason = output::report(&error);
+                report.skipped.push(Skipped { file: entry.summary(), reason, defect: None });
+            }
+        }
+    }
+    Ok(report)
+}
+
+impl SeriesReport {
+    fn new(entry: &SeriesEntry, loaded: &Loaded) -> Self {
+        let grid = loaded.volume.grid();
+        let (low, high) = loaded.volume.range_hu();
+        Self {
+            uid: entry.uid().to_owned(),
+            modality: entry.modality().to_owned(),
+            dims: grid.dims(),
+            spacing_mm: grid.spacing_mm(),
+            origin_mm: grid.origin().xyz.to_array(),
+            direction: grid.direction(),
+            hu_range: [low, high],
+            stack_sha256: HEXLOWER.encode(&loaded.stack_sha256()),
+            transfer_syntax: entry.transfer_syntax(),
+            warnings: loaded.warnings.clone(),
+        }
+    }
+}
+
+fn print(report: &InspectReport) {
+    for series in &report.series {
+        print_series(series);
+    }
+    if !report.skipped.is_empty() {
+        say!("skipped");
+        for skipped in &report.skipped {
+            say!("  {}: {}", printable(&skipped.file), printable(&skipped.reason));
+        }
+    }
+}
+
+fn print_series(series: &SeriesReport) {
+    let millimetres = |values: [f64; 3]| values.map(|mm| format!("{mm:.4}")).join(" x ");
+    let [nx, ny, nz] = series.dims;
+    say!(
+        "series            {}",
+        if series.uid.is_empty() { "(empty UID)".into() } else { printable(&series.uid) }
+    );
+    say!("  modality        {}", printable(&series.modality));
+    say!("  voxels          {nx} x {ny} x {nz}");
+    say!("  spacing         {} mm", millimetres(series.spacing_mm));
+    say!("  first voxel     {} mm, LPS", series.origin_mm.map(|mm| format!("{mm:.3}")).join(", "));
+    for (axis, name) in ["i", "j", "k"].into_iter().enumerate() {
+        let components = [0, 3, 6].map(|row| format!("{:.6}", series.direction[row + axis]));
+        say!("  axis {name}          {}", components.join(", "));
+    }
+    say!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
+    say!("  stack SHA-256   {}", series.stack_sha256);
+    say!("  transfer syntax {}", printable(&series.transfer_syntax));
+    for warning in &series.warnings {
+        say!("  warning         {}", printable(&warning.message));
+    }
+    say!();
+}

@@ -1,0 +1,20 @@
+//! `--isolation`: whether files from outside are read in a child process.
+
+/// Where uploads and series from buckets are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Isolation {
+    /// In a child process without rights
+    On,
+    /// In the process of the server
+    Off,
+}
+
+impl Isolation {
+    /// What this system has.
+    pub(crate) const DEFAULT: Self = if cfg!(target_os = "linux") { Self::On } else { Self::Off };
+}
+
+/// The error of `--isolation on` on other systems.
+#[cfg(not(target_os = "linux"))]
+pub(crate) const NEEDS_LINUX: &str =
+    "--isolation on needs Linux; this system can read uploads in the server's process alone";

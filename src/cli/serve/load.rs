@@ -1,0 +1,198 @@
+//! The series of `relief serve`: where they are, and loading them behind the server.
+
+use std::io::ErrorKind;
+use std::panic::AssertUnwindSafe;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use tokio::sync::oneshot;
+
+use crate::labels;
+use crate::serve::series::{InProcess, SeriesReader};
+use crate::source::SeriesOptions;
+use relief_batch::{Copies, Location};
+use relief_render::VolumeLimits;
+use relief_server::Server;
+use relief_session::LoadedVolume;
+
+/// A place that there is a series in.
+#[derive(Clone, Debug)]
+pub(crate) struct SeriesLocation {
+    path: PathBuf,
+    labels: Option<PathBuf>,
+    /// Of several below a prefix of a bucket: the prefix, which of them it is, and of how many.
+    among: Option<(PathBuf, usize, usize)>,
+}
+
+/// The locations of series, in the order of the options; those in buckets are listed. A missing
+/// location is an error.
+pub(crate) fn places(
+    series: &[PathBuf],
+    labels: &[PathBuf],
+    copies: &Copies,
+) -> anyhow::Result<Vec<SeriesLocation>> {
+    for path in series.iter().filter(|path| !Location::is_bucket(path)).chain(labels) {
+        // Checked before any series is opened, because loading takes long.
+        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+    }
+    if labels.len() > series.len() {
+        let [labels, series] = [labels, series].map(<[PathBuf]>::len);
+        bail!("{labels} --labels for {series} --series; give each label map behind its series");
+    }
+    let mut places = Vec::new();
+    let labels = labels.iter().cloned().map(Some).chain(std::iter::repeat(None));
+    for (path, labels) in series.iter().zip(labels) {
+        if !Location::is_bucket(path) {
+            places.push(SeriesLocation { path: path.clone(), labels, among: None });
+            continue;
+        }
+        let found = copies.places(path).with_context(|| format!("cannot read {}", path.display()))?;
+        if labels.is_some() && found.len() > 1 {
+            bail!("--labels are of one series, and {} has {}", path.display(), found.len());
+        }
+        let count = found.len();
+        places.extend(found.into_iter().zip(1..).map(|(found, number)| SeriesLocation {
+            path: found,
+            labels: labels.clone(),
+            among: Some((path.clone(), number, count)),
+        }));
+    }
+    Ok(places)
+}
+
+impl SeriesLocation {
+    /// The name for messages: below a prefix of a bucket a number, because names there may be those
+    /// of patients.
+    fn name(&self) -> String {
+        match &self.among {
+            Some((prefix, number, count)) if *count > 1 => {
+                format!("{number} of {count} below {}", prefix.display())
+            }
+            Some((prefix, ..)) => prefix.display().to_string(),
+            None => self.path.display().to_string(),
+        }
+    }
+}
+
+/// How series are loaded.
+pub(crate) struct SeriesLoader {
+    pub(crate) copies: Copies,
+    pub(crate) options: SeriesOptions,
+    pub(crate) limits: VolumeLimits,
+    /// Reads series from buckets; those of this machine are read in this process.
+    pub(crate) of_buckets: Arc<dyn SeriesReader>,
+}
+
+/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when
+/// all went well.
+pub(crate) fn load_behind(
+    places: Vec<SeriesLocation>,
+    loader: SeriesLoader,
+    server: Arc<Server>,
+) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
+    let (report, failed) = oneshot::channel();
+    std::thread::Builder::new().name("relief-load".into()).spawn(move || {
+        let loading = Loading { loader: &loader, server: &server };
+        // A panic ends the server with its reason; it would be loading for ever otherwise.
+        let outcome = std::panic::catch_unwind(AssertUnwindSafe(|| loading.all(&places)));
+        let panicked = |_| Err(anyhow::anyhow!("reading a series panicked; see the message above"));
+        if let Err(error) = outcome.unwrap_or_else(panicked) {
+            let _ = report.send(error);
+        }
+    })?;
+    Ok(failed)
+}
+
+impl SeriesLoader {
+    fn reader(&self, place: &SeriesLocation) -> Arc<dyn SeriesReader> {
+        if place.among.is_some() { Arc::clone(&self.of_buckets) } else { Arc::new(InProcess) }
+    }
+}
+
+struct Loading<'a> {
+    loader: &'a SeriesLoader,
+    server: &'a Server,
+}
+
+impl Loading<'_> {
+    fn all(&self, places: &[SeriesLocation]) -> anyhow::Result<()> {
+        let mut added = 0;
+        for place in places {
+            added += self.place(place).with_context(|| format!("cannot serve {}", place.name()))?;
+        }
+        if added == 0 && !places.is_empty() {
+            bail!("there is no usable series below --series");
+        }
+        Ok(())
+    }
+
+    /// Adds the series of a location and returns their number. Unusable locations of several in a
+    /// bucket are skipped with a warning.
+    fn place(&self, place: &SeriesLocation) -> anyhow::Result<usize> {
+        let Some((_, _, count)) = place.among else {
+            return self.series(place, &self.loader.options).map(|()| 1);
+        };
+        let local = match self.loader.copies.local(&place.path) {
+            // Nothing there, or more than copies may have: the others are served all the same.
+            Err(error)
+                if count > 1 && matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidInput) =>
+            {
+                return Ok(self.leave_out(place, &error.into()));
+            }
+            local => local?,
+        };
+        let found = self.loader.reader(place).list(local.path(), &self.loader.options);
+        let options = match found {
+            Ok(options) => options,
+            Err(error) if count > 1 => return Ok(self.leave_out(place, &error)),
+            Err(error) => return Err(error),
+        };
+        // One was expected of each place.
+        self.server.expect_volumes(options.len() - 1);
+        let mut added = 0;
+        for options in &options {
+            match self.series(place, options) {
+                Ok(()) => added += 1,
+                Err(error) if count > 1 => added += self.leave_out(place, &error),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(added)
+    }
+
+    fn leave_out(&self, place: &SeriesLocation, reason: &anyhow::Error) -> usize {
+        eprintln!("warning: cannot serve {}: {reason:#}", place.name());
+        self.server.expect_fewer_volumes(1);
+        0
+    }
+
+    /// Loads a series and its label map, with room made before and a way to read it again.
+    fn series(&self, place: &SeriesLocation, options: &SeriesOptions) -> anyhow::Result<()> {
+        let (reader, copies) = (self.loader.reader(place), &self.loader.copies);
+        let local = copies.local(&place.path)?;
+        let wanted = |dims: [usize; 3]| {
+            self.loader.limits.plan(dims)?;
+            let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
+            Ok(self.server.make_room(bytes)?)
+        };
+        let served = reader.read(local.path(), options, &wanted)?;
+        drop(local); // a copy may go when there is no room for others
+        let (copies, path, options) = (copies.clone(), place.path.clone(), options.clone());
+        let read = move || {
+            let local = copies.local(&path).map_err(|_| Unreadable)?;
+            Ok(reader.read(local.path(), &options, &|_| Ok(())).map_err(|_| Unreadable)?.volume)
+        };
+        let labels = place.labels.as_deref();
+        let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
+        let entry = self.server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
+        eprintln!("volume {}: {}; /#volume={0} shows it", entry.id, entry.name());
+        Ok(())
+    }
+}
+
+/// A series that was read before and cannot be read again. The cause may name files and patients,
+/// so the log does not get it.
+#[derive(Debug, thiserror::Error)]
+#[error("the files of the series can no longer be read")]
+struct Unreadable;
