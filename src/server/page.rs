@@ -97,7 +97,7 @@ const FILES: [(&str, &str, &str); 69] = [
     ("/annotate/panes.css", STYLE, include_str!("page/annotate/panes.css")),
     ("/annotate/placing.js", SCRIPT, include_str!("page/annotate/placing.js")),
     ("/annotate/settings.js", SCRIPT, include_str!("page/annotate/settings.js")),
-    ("/annotate/sight.js", SCRIPT, include_str!("page/annotate/sight.js")),
+    ("/annotate/projections.js", SCRIPT, include_str!("page/annotate/projections.js")),
     ("/annotate/slice-pane.js", SCRIPT, include_str!("page/annotate/slice-pane.js")),
     ("/annotate/structures.js", SCRIPT, include_str!("page/annotate/structures.js")),
     ("/annotate/surfaces.js", SCRIPT, include_str!("page/annotate/surfaces.js")),

@@ -1,4 +1,4 @@
-//! `relief doctor` as users run it: with a driver, without one, and with a wish that cannot be met.
+//! `relief doctor` as users run it: with a driver, without one, and with one that cannot be found.
 //!
 //! Independent references: the driver's description file, the renderer's other subcommands, and the
 //! exit status.

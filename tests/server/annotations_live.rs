@@ -367,7 +367,7 @@ async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
 /// A hand releases A and requests a preset in one message: the release is applied, the preset is
 /// refused.
 #[tokio::test]
-async fn what_was_wished_before_a_refused_wish_has_happened() {
+async fn intents_before_a_refused_one_stay_applied() {
     let running = Running::annotated().await;
     let mut hello = annotating("theatre", "anna", "s");
     // The preset before this one is a projection, which is never pre-integrated.

@@ -23,7 +23,7 @@ fn hurried() -> Value {
 /// Invariant: The newest pose wins, no intent is lost, and continuous motion does not starve
 /// frames.
 #[tokio::test]
-async fn the_newest_pose_wins_and_no_wish_is_lost() {
+async fn the_newest_pose_wins_and_no_intent_is_lost() {
     let running = Running::new().await;
     let (mut client, _) = running.hello(json!({ "settings": hurried() })).await;
     client.still(0).await;
@@ -48,7 +48,7 @@ async fn the_newest_pose_wins_and_no_wish_is_lost() {
     let still = client.still(60).await;
     assert!(
         (azimuth_deg(&still.header) - 60.0).abs() < 0.01,
-        "40 by the pose, 20 by wishes: {still:?}",
+        "40 by the pose, 20 by intents: {still:?}",
         still = still.header
     );
     let renders = running.stage.gate.count() - held;

@@ -1,4 +1,4 @@
-//! Live views without a WebSocket: JPEGs without end, one frame at a time, wishes by POST.
+//! Live views without a WebSocket: JPEGs without end, one frame at a time, intents by POST.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::server::stage::{Answer, Stage};
 
 const HOST: (&str, &str) = ("host", "localhost");
 
-async fn wish(stage: &Stage, view: &str, intent: &str) -> Answer {
+async fn post(stage: &Stage, view: &str, intent: &str) -> Answer {
     let request = Request::post(format!("/v1/session/{view}/intent"))
         .header(HOST.0, HOST.1)
         .header("content-type", "application/json");
@@ -26,7 +26,7 @@ async fn wish(stage: &Stage, view: &str, intent: &str) -> Answer {
 async fn a_plain_viewer_gets_the_very_frame_of_a_session() {
     let running = Running::new().await;
     let stage = &running.stage;
-    let answer = wish(stage, "desk", r#"{"intent":"look","azimuth_deg":40,"elevation_deg":10}"#).await;
+    let answer = post(stage, "desk", r#"{"intent":"look","azimuth_deg":40,"elevation_deg":10}"#).await;
     assert_eq!(answer.status, 200, "{}", answer.text());
     assert_eq!(answer.json()["volume"], stage.id.as_str());
     let png = stage.get_with("/v1/session/desk/frame", &[HOST, ("accept", "image/png")]).await;
@@ -47,7 +47,7 @@ async fn a_plain_viewer_gets_the_very_frame_of_a_session() {
     let (_, next) = tokio::join!(
         async {
             tokio::time::sleep(Duration::from_millis(50)).await;
-            wish(stage, "desk", r#"{"intent":"orbit","azimuth_deg":5}"#).await
+            post(stage, "desk", r#"{"intent":"orbit","azimuth_deg":5}"#).await
         },
         stage.get_with(&path, &[HOST, ("accept", "image/jpeg")]),
     );
@@ -59,7 +59,7 @@ async fn a_plain_viewer_gets_the_very_frame_of_a_session() {
 #[tokio::test]
 async fn a_poll_for_what_does_not_come_ends_empty() {
     let running = Running::new().await;
-    wish(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
+    post(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
     let first = running.stage.get_with("/v1/session/desk/frame", &[HOST]).await;
     let number = first.header("relief-frame").to_owned();
     let (mut watcher, _) = running.hello(json!({ "view": "desk", "role": "watcher" })).await;
@@ -105,7 +105,7 @@ async fn jpegs_come_without_end_as_the_view_moves() {
 #[tokio::test]
 async fn streams_end_with_the_server() {
     let mut running = Running::new().await;
-    wish(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
+    post(&running.stage, "desk", r#"{"intent":"reset"}"#).await;
     let mut stream = TcpStream::connect(running.address).await.unwrap();
     stream.write_all(b"GET /v1/session/desk/mjpeg HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
     let mut buffer = [0; 1024];
@@ -131,8 +131,8 @@ async fn what_is_wrong_is_told() {
     }
     let text = stage.get_with("/v1/session/nowhere/frame", &[HOST, ("accept", "text/html")]).await;
     text.problem(406);
-    wish(stage, "desk", "{").await.problem(400);
-    wish(stage, "desk", r#"{"intent":"zoom","factor":1e9}"#).await.problem(422);
+    post(stage, "desk", "{").await.problem(400);
+    post(stage, "desk", r#"{"intent":"zoom","factor":1e9}"#).await.problem(422);
     let unknown = Request::post("/v1/session/desk/intent?volume=none")
         .header(HOST.0, HOST.1)
         .header("content-type", "application/json");

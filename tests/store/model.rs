@@ -23,13 +23,13 @@ const STEPS: usize = 40;
 #[derive(Clone, Debug)]
 enum Step {
     /// Item, what to do with it, and whether its version is a stale one.
-    Edit(usize, BTreeMap<u8, (Wish, bool)>),
+    Edit(usize, BTreeMap<u8, (Operation, bool)>),
     Undo(usize),
     Redo(usize),
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Wish {
+enum Operation {
     Make,
     Move,
     Toggle,
@@ -137,15 +137,15 @@ impl Model {
 }
 
 fn steps() -> impl Strategy<Value = Vec<Step>> {
-    let wish = prop_oneof![
-        3 => Just(Wish::Make),
-        4 => Just(Wish::Move),
-        2 => Just(Wish::Toggle), // its lock
-        2 => Just(Wish::Remove),
+    let operation = prop_oneof![
+        3 => Just(Operation::Make),
+        4 => Just(Operation::Move),
+        2 => Just(Operation::Toggle), // its lock
+        2 => Just(Operation::Remove),
     ];
     let stale = prop_oneof![6 => Just(false), 1 => Just(true)];
     let author = 0..AUTHORS.len();
-    let changes = prop::collection::btree_map(0..12_u8, (wish, stale), 1..4);
+    let changes = prop::collection::btree_map(0..12_u8, (operation, stale), 1..4);
     let step = prop_oneof![
         4 => (author.clone(), changes).prop_map(|(author, changes)| Step::Edit(author, changes)),
         3 => author.clone().prop_map(Step::Undo),
@@ -155,23 +155,23 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 /// The changes of a step, as an author who sees the model would make them.
-fn changes(model: &Model, wishes: &BTreeMap<u8, (Wish, bool)>, count: usize) -> Vec<Change> {
-    let change = |(index, (wish, stale)): (&u8, &(Wish, bool))| {
+fn changes(model: &Model, operations: &BTreeMap<u8, (Operation, bool)>, count: usize) -> Vec<Change> {
+    let change = |(index, (operation, stale)): (&u8, &(Operation, bool))| {
         let id = ItemId::from_number(u128::from(*index) + 1);
         let fresh = Item { id, ..point(&format!("{index} at {count}"), count as f64 / 3.0) };
         let (version, now) = model.items.get(&id).cloned().unwrap_or((1, None));
         let version = version - u64::from(*stale && version > 0);
-        match wish {
-            Wish::Make => create(&fresh),
-            Wish::Move => update(&fresh, version),
-            Wish::Toggle => {
+        match operation {
+            Operation::Make => create(&fresh),
+            Operation::Move => update(&fresh, version),
+            Operation::Toggle => {
                 let now = now.unwrap_or(fresh);
                 update(&Item { locked: !now.locked, ..now }, version)
             }
-            Wish::Remove => delete(id, version),
+            Operation::Remove => delete(id, version),
         }
     };
-    wishes.iter().map(change).collect()
+    operations.iter().map(change).collect()
 }
 
 fn refused(error: StoreError) -> Refused {
@@ -192,8 +192,8 @@ async fn follow(store: &Store, steps: &[Step]) {
     let mut model = Model::default();
     for (count, step) in steps.iter().enumerate() {
         let (expected, found) = match step {
-            Step::Edit(author, wishes) => {
-                let changes = changes(&model, wishes, count);
+            Step::Edit(author, operations) => {
+                let changes = changes(&model, operations, count);
                 let expected = model.edit(*author, &changes);
                 (expected, store.apply(&edit(AUTHORS[*author], changes)).await)
             }
@@ -261,9 +261,9 @@ scenarios! {
 
 /// One long line, by hand: to its beginning, to its end, and half way.
 async fn a_line_of_edits_goes_back_and_forth(store: &Store) {
-    let make = |index: u8| Step::Edit(0, [(index, (Wish::Make, false))].into());
-    let change = |index: u8| Step::Edit(0, [(index, (Wish::Move, false))].into());
-    let lock = |index: u8| Step::Edit(1, [(index, (Wish::Toggle, false))].into());
+    let make = |index: u8| Step::Edit(0, [(index, (Operation::Make, false))].into());
+    let change = |index: u8| Step::Edit(0, [(index, (Operation::Move, false))].into());
+    let lock = |index: u8| Step::Edit(1, [(index, (Operation::Toggle, false))].into());
     let mut steps = vec![make(0), make(1), change(0), change(1), lock(0), change(0), Step::Undo(0)];
     steps.extend([Step::Undo(0), Step::Undo(1), Step::Undo(0), Step::Undo(0), Step::Undo(0), Step::Undo(0)]);
     steps.extend(std::iter::repeat_n(Step::Redo(0), 5));

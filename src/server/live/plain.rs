@@ -1,4 +1,4 @@
-//! Live views for viewers without a WebSocket: a stream of JPEGs, one frame at a time, and wishes
+//! Live views for viewers without a WebSocket: a stream of JPEGs, one frame at a time, and intents
 //! by POST.
 
 use std::convert::Infallible;

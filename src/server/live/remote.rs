@@ -1,4 +1,4 @@
-//! The Wiimote of a session: from its reports or poses to wishes.
+//! The Wiimote of a session: from its reports or poses to commands.
 
 use std::time::{Duration, Instant};
 

@@ -18,7 +18,7 @@ export class Stage {
   /** The picture that is shown, with its order. */
   shown = null;
 
-  /** `asked` is called with every wish, `drawn` with every picture. */
+  /** `asked` is called with every request, `drawn` with every picture. */
   constructor({ asked, drawn }) {
     Object.assign(this, { host: $("stage"), asked, drawn });
     this.fetcher = new Fetcher((picture) => this.#show(picture), showFailure, (busy) => $("busy").classList.toggle("on", busy));

@@ -13,8 +13,8 @@ const PARTS = 32;
 const DRAWN_PARTS = 10;
 
 /** Any direction across a unit vector, preferably along another one. */
-export function across(normal, wish = [0, 0, 1]) {
-  const flat = sub(wish, scale(normal, dot(wish, normal)));
+export function across(normal, along = [0, 0, 1]) {
+  const flat = sub(along, scale(normal, dot(along, normal)));
   if (length(flat) > 1e-3) return unit(flat);
   const axis = Math.abs(normal[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
   return unit(sub(axis, scale(normal, dot(axis, normal))));

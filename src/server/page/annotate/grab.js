@@ -1,7 +1,7 @@
 // Editing by grabbing: a point of an item follows the pointer, and is saved on release.
 
 import { add, clamp, distance, dot, lerp, measures, partsOf, pointsOf, scale, sub, withInserted, withPoint } from "./geometry.js";
-import { SliceSight } from "./sight.js";
+import { SliceProjection } from "./projections.js";
 
 /** How near a pointer has to be, CSS pixels. */
 const REACH = { mouse: 12, pen: 14, touch: 24 };
@@ -19,7 +19,7 @@ function added({ entry, index, point }) {
 export class Grab {
   #held = null;
   #busy = false;
-  #wish = null;
+  #latest = null;
 
   constructor(model, { spot, snapped, commit, say }) {
     Object.assign(this, { model, spot, snapped, commit, say });
@@ -32,11 +32,11 @@ export class Grab {
 
   /** The handle under a place of a pane's picture: `{ entry, index, point }`. */
   find(pane, at, pointer) {
-    if (!pane.sight) return null;
+    if (!pane.projection) return null;
     let best = null;
     for (const entry of this.model.shown()) {
       pointsOf(entry.item.geometry).forEach((point, index) => {
-        const seen = pane.sight.project(point);
+        const seen = pane.projection.project(point);
         if (!seen || Math.abs(seen.off ?? 0) > OFF_MM) return;
         const pixels = Math.hypot(...pane.size.map((side, i) => side * (seen.at[i] - at[i])));
         // Of those that lie over each other the chosen one, else the nearer one.
@@ -50,13 +50,13 @@ export class Grab {
   /** The place on the chosen curve's line under a place of a pane's picture: `{ entry, index, point, adds }` of a point to be. */
   between(pane, at, pointer) {
     const entry = this.model.entry(this.model.selected);
-    if (!pane.sight || entry?.item.geometry?.kind !== "curve" || entry.item.locked || !entry.item.visible) return null;
+    if (!pane.projection || entry?.item.geometry?.kind !== "curve" || entry.item.locked || !entry.item.visible) return null;
     const reach = 0.7 * (REACH[pointer] ?? REACH.mouse);
     const pixels = (seen) => seen.at.map((value, i) => value * pane.size[i]);
     const place = at.map((value, i) => value * pane.size[i]);
     let best = null;
     for (const { from, to, index } of partsOf(entry.item.geometry)) {
-      const ends = [from, to].map((point) => pane.sight.project(point));
+      const ends = [from, to].map((point) => pane.projection.project(point));
       if (ends.some((seen) => !seen || Math.abs(seen.off ?? 0) > OFF_MM)) continue;
       const [a, b] = ends.map(pixels);
       const along = sub(b, a);
@@ -77,28 +77,28 @@ export class Grab {
       this.say(`“${entry.item.name}” is locked. Unlock it in the list, or press K, to move it.`);
       return true;
     }
-    const seen = pane.sight.project(point);
+    const seen = pane.projection.project(point);
     // The finger takes the point where it touched it, not by its middle.
     const slip = at.map((value, i) => value - seen.at[i]);
-    const onSurface = !(pane.sight instanceof SliceSight) && this.#liesOnSurface(pane.sight, seen);
+    const onSurface = !(pane.projection instanceof SliceProjection) && this.#liesOnSurface(pane.projection, seen);
     this.#held = { entry, index, point, seen, slip, onSurface, adds, moved: null, started: at };
     if (adds) this.#show(this.#held, { mm: point });
     return true;
   }
 
-  #liesOnSurface(sight, { at, depth }) {
-    const surface = sight.depths?.at(at);
-    return surface !== undefined && Math.abs(surface - depth) < ON_SURFACE_MM + sight.depths.tolerance;
+  #liesOnSurface(projection, { at, depth }) {
+    const surface = projection.depths?.at(at);
+    return surface !== undefined && Math.abs(surface - depth) < ON_SURFACE_MM + projection.depths.tolerance;
   }
 
   async move(pane, at, event) {
     if (!this.#held) return;
-    this.#wish = { pane, at, event };
+    this.#latest = { pane, at, event };
     if (this.#busy) return;
     this.#busy = true;
-    while (this.#wish && this.#held) {
-      const { pane: where, at: place, event: last } = this.#wish;
-      this.#wish = null;
+    while (this.#latest && this.#held) {
+      const { pane: where, at: place, event: last } = this.#latest;
+      this.#latest = null;
       const held = this.#held;
       const spot = await this.#target(held, where, place, last).catch(() => null);
       if (spot && held === this.#held) this.#show(held, spot);
@@ -115,24 +115,24 @@ export class Grab {
   /** Where the point goes: along its slice, along the surface that it lies on, or across the line of sight. */
   async #target({ point, seen, slip, onSurface }, pane, at, event) {
     const aim = at.map((value, i) => value - slip[i]);
-    const { sight } = pane;
-    if (sight instanceof SliceSight) {
-      const flat = sight.unproject(aim);
-      const off = dot(sub(point, sight.center), sight.normal);
-      return this.snapped({ mm: add(flat, scale(sight.normal, off)), method: "slice", camera: sight.record() }, event);
+    const { projection } = pane;
+    if (projection instanceof SliceProjection) {
+      const flat = projection.unproject(aim);
+      const off = dot(sub(point, projection.center), projection.normal);
+      return this.snapped({ mm: add(flat, scale(projection.normal, off)), method: "slice", camera: projection.record() }, event);
     }
     if (onSurface && !event.shiftKey) {
       const spot = await this.spot(pane, aim, event);
       if (spot) return spot;
     }
-    const mm = sight.unproject(aim, seen.depth);
-    return this.snapped({ mm, ray: sight.rayTo(mm), method: "pick", camera: sight.record() }, event);
+    const mm = projection.unproject(aim, seen.depth);
+    return this.snapped({ mm, ray: projection.rayTo(mm), method: "pick", camera: projection.record() }, event);
   }
 
   async up(pane, at, event) {
     const held = this.#held;
     if (!held) return;
-    this.#wish = null;
+    this.#latest = null;
     const still = Math.hypot(...pane.size.map((side, i) => side * (at[i] - held.started[i]))) < 3;
     // A point that is added stays where the line was pressed; one that was there has to go
     // somewhere.
@@ -149,7 +149,7 @@ export class Grab {
   cancel() {
     const held = this.#held !== null;
     this.#held = null;
-    this.#wish = null;
+    this.#latest = null;
     if (held) this.model.changed("draft");
     return held;
   }

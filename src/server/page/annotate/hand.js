@@ -156,7 +156,7 @@ export class Hand {
     const { tool, cursor } = this.model;
     if (ends && this.placing.points.length) return this.placing.finish();
     const pane = this.#lastPane;
-    const camera = pane?.sight?.record();
+    const camera = pane?.projection?.record();
     const found = { mm: cursor.mm, hu: cursor.hu, method: "slice", ...(camera ? { camera } : {}) };
     if (this.structures?.takes(tool)) return this.structures.at(found);
     const spot = await this.snapped(found, null);

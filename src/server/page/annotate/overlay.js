@@ -1,11 +1,11 @@
-// Annotations as SVG over a picture: text of elements, for a sight and a size in CSS pixels. It
+// Annotations as SVG over a picture: text of elements, for a projection and a size in CSS pixels. It
 // touches no element.
 //
 // In a slice, items near the plane are opaque and fade with the distance. In 3D, hidden items are
 // dimmed.
 
 import { add, clamp, corners, cross, distance, dot, lerp, length, measureWords, measures as measured, outline, pointsOf, scale, sub, unit } from "./geometry.js";
-import { SliceSight } from "./sight.js";
+import { SliceProjection } from "./projections.js";
 import { colorOf } from "./model.js";
 
 /** Distances from a slice's plane, mm: drawn full up to the first, gone from the second. */
@@ -25,16 +25,16 @@ const escaped = (text) => text.replace(/[&<>"']/g, (letter) => `&#${letter.charC
 const fixed = (value) => value.toFixed(1);
 
 /** How strongly something is drawn that is projected so: 0 to 1. */
-function strength(sight, projected) {
+function strength(projection, projected) {
   if (!projected) return 0;
-  if (!(sight instanceof SliceSight)) return sight.hides(projected) ? HIDDEN : 1;
+  if (!(projection instanceof SliceProjection)) return projection.hides(projected) ? HIDDEN : 1;
   const off = Math.abs(projected.off);
   return off <= NEAR_MM ? 1 : 0.8 * Math.max(0, 1 - (off - NEAR_MM) / (REACH_MM - NEAR_MM)) ** 1.5;
 }
 
 class Drawing {
-  constructor(sight, [width, height]) {
-    Object.assign(this, { sight, width, height, parts: [], texts: [], boxes: [], dots: new Map(), tries: 0 });
+  constructor(projection, [width, height]) {
+    Object.assign(this, { projection, width, height, parts: [], texts: [], boxes: [], dots: new Map(), tries: 0 });
   }
 
   /** A point among thousands. */
@@ -52,10 +52,10 @@ class Drawing {
   }
 
   place(point) {
-    const projected = this.sight.project(point);
+    const projected = this.projection.project(point);
     if (!projected) return null;
     const [x, y] = [projected.at[0] * this.width, projected.at[1] * this.height];
-    return { x, y, strength: strength(this.sight, projected), off: projected.off ?? 0 };
+    return { x, y, strength: strength(this.projection, projected), off: projected.off ?? 0 };
   }
 
   isSeen({ x, y }) {
@@ -134,12 +134,12 @@ function arc([a, corner, b]) {
 }
 
 /** Where a plane's rectangle meets a slice: two points, or nothing. */
-function crossing(plane, sight) {
+function crossing(plane, projection) {
   const edges = corners(plane);
   const found = [];
   for (let i = 1; i < edges.length; i += 1) {
     const [a, b] = [edges[i - 1], edges[i]];
-    const [from, to] = [a, b].map((point) => sight.project(point).off);
+    const [from, to] = [a, b].map((point) => projection.project(point).off);
     if (from * to < 0) found.push(lerp(a, b, from / (from - to)));
   }
   return found.slice(0, 2);
@@ -160,8 +160,8 @@ function drawItem(drawing, { item, measures = measured(item.geometry) }, { selec
   if (geometry.kind === "plane") {
     const { center_mm: center, normal, size_mm: size } = geometry;
     drawing.line([center, add(center, scale(normal, 0.3 * Math.min(...size)))], `class="path thin" stroke="${color}"`);
-    if (drawing.sight instanceof SliceSight) {
-      const meets = crossing(geometry, drawing.sight);
+    if (drawing.projection instanceof SliceProjection) {
+      const meets = crossing(geometry, drawing.projection);
       if (meets.length === 2) drawing.line(meets, stroke);
     }
   }
@@ -176,8 +176,8 @@ function drawItem(drawing, { item, measures = measured(item.geometry) }, { selec
  * SVG of items, and of the draft, on a picture of `size` CSS pixels. `draft` is an item that is not there yet, with what it was
  * moved by when it snapped.
  */
-export function itemsSvg(entries, sight, size, { selected = null, handle = 0, draft = null, moved = null } = {}) {
-  const drawing = new Drawing(sight, size);
+export function itemsSvg(entries, projection, size, { selected = null, handle = 0, draft = null, moved = null } = {}) {
+  const drawing = new Drawing(projection, size);
   const crowded = entries.length > CROWD;
   const ordered = [...entries].sort((a, b) => (a.item.id === selected ? -1 : 0) - (b.item.id === selected ? -1 : 0));
   for (const entry of ordered) {
@@ -192,15 +192,15 @@ export function itemsSvg(entries, sight, size, { selected = null, handle = 0, dr
 }
 
 /** The lines in which other planes cut a slice, meeting at the cursor: `planes` are [normal, colour]. */
-export function crossSvg(sight, cursor, planes, [width, height]) {
+export function crossSvg(projection, cursor, planes, [width, height]) {
   const parts = [];
-  const middle = sight.project(cursor).at;
+  const middle = projection.project(cursor).at;
   const [x, y] = [middle[0] * width, middle[1] * height];
   for (const [normal, color, weak] of planes) {
-    const direction = cross(sight.normal, normal);
+    const direction = cross(projection.normal, normal);
     if (length(direction) < 0.02) continue;
     const along = unit(direction);
-    const [dx, dy] = unit([dot(along, sight.right), -dot(along, sight.up)]);
+    const [dx, dy] = unit([dot(along, projection.right), -dot(along, projection.up)]);
     for (const sign of [-1, 1]) {
       const [from, to] = [9 * sign, 4000 * sign];
       const ends = `x1="${fixed(x + dx * from)}" y1="${fixed(y + dy * from)}" x2="${fixed(x + dx * to)}" y2="${fixed(y + dy * to)}"`;
@@ -211,16 +211,16 @@ export function crossSvg(sight, cursor, planes, [width, height]) {
 }
 
 /** The cursor in 3D: three short lines along the patient's axes. */
-export function cursorSvg(sight, cursor, colors, [width, height], bounds) {
+export function cursorSvg(projection, cursor, colors, [width, height], bounds) {
   const parts = [];
   colors.forEach((color, axis) => {
     const [from, to] = bounds.map((corner) => cursor.map((value, i) => (i === axis ? Math.min(Math.max(value + (corner[i] > value ? 14 : -14), bounds[0][i]), bounds[1][i]) : value)));
-    const [a, b] = [from, to].map((end) => sight.project(end)?.at);
+    const [a, b] = [from, to].map((end) => projection.project(end)?.at);
     if (!a || !b) return;
     const ends = `x1="${fixed(a[0] * width)}" y1="${fixed(a[1] * height)}" x2="${fixed(b[0] * width)}" y2="${fixed(b[1] * height)}"`;
     parts.push(`<line ${ends} class="cross" stroke="${color}"/>`);
   });
-  const at = sight.project(cursor)?.at;
+  const at = projection.project(cursor)?.at;
   if (at) parts.push(`<circle cx="${fixed(at[0] * width)}" cy="${fixed(at[1] * height)}" r="3" class="cross-middle"/>`);
   return parts.join("");
 }

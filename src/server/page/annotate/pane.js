@@ -34,7 +34,7 @@ export class Pane {
 
   /** `hand` is asked first what a gesture means (see `hand.js`); `fail` gets errors. */
   constructor(host, { name, title, keys }, { model, hand, fail }) {
-    Object.assign(this, { name, title, model, hand, shown: null, sight: null, fail });
+    Object.assign(this, { name, title, model, hand, shown: null, projection: null, fail });
     this.picture = element("canvas", { className: "picture" });
     this.picture.setAttribute("role", "img");
     this.picture.setAttribute("aria-label", `Picture, ${title}`);
@@ -98,7 +98,7 @@ export class Pane {
     if (this.#frame) return;
     this.#frame = requestAnimationFrame(() => {
       this.#frame = 0;
-      if (this.sight && this.root.clientWidth > 0) this.overlay();
+      if (this.projection && this.root.clientWidth > 0) this.overlay();
     });
   }
 
@@ -112,7 +112,7 @@ export class Pane {
     this.shown?.bitmap.close();
     this.shown = picture;
     this.#url = picture.url + picture.accept;
-    this.sight = this.sightOf(picture);
+    this.projection = this.projectionOf(picture);
     this.paint(picture);
     for (const edge of Object.keys(this.edges)) this.edges[edge].textContent = picture.camera?.edges[edge] ?? "";
     // For those who drive the page: how many pictures came, and whether the last one is whole.

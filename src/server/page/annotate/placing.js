@@ -35,7 +35,7 @@ export class Placing {
   #hover = null;
   #asked = 0;
   #busy = false;
-  #wish = null;
+  #latest = null;
   #queue = Promise.resolve();
 
   /** `spot` finds a place with its snap; `commit` sends changes; `say` tells people. */
@@ -63,14 +63,14 @@ export class Placing {
 
   /** Previews a place; of those that come while one is looked for, the last is looked for next. */
   async preview(pane, at, event) {
-    this.#wish = { pane, at, event };
+    this.#latest = { pane, at, event };
     if (this.#busy) return;
     this.#busy = true;
-    while (this.#wish) {
-      const wish = this.#wish;
-      this.#wish = null;
+    while (this.#latest) {
+      const latest = this.#latest;
+      this.#latest = null;
       const number = (this.#asked += 1);
-      const found = await this.spot(wish.pane, wish.at, wish.event).catch(() => null);
+      const found = await this.spot(latest.pane, latest.at, latest.event).catch(() => null);
       if (number === this.#asked) this.#show(found);
     }
     this.#busy = false;
@@ -84,7 +84,7 @@ export class Placing {
 
   /** Sets a point where the pointer was released. */
   release(pane, at, event) {
-    this.#wish = null;
+    this.#latest = null;
     this.#asked += 1;
     const { tool } = this.model;
     this.#queue = this.#queue.then(async () => {
@@ -107,7 +107,7 @@ export class Placing {
 
   #closes(pane, at) {
     if (this.model.tool !== "contour" || this.#spots.length < 3) return false;
-    const first = pane.sight?.project(this.#spots[0].mm);
+    const first = pane.projection?.project(this.#spots[0].mm);
     if (!first || Math.abs(first.off ?? 0) > 3) return false;
     return Math.hypot(...pane.size.map((side, i) => side * (at[i] - first.at[i]))) < CLOSE_PIXELS;
   }
@@ -162,7 +162,7 @@ export class Placing {
     const begun = this.isBegun;
     this.#spots = [];
     this.#hover = null;
-    this.#wish = null;
+    this.#latest = null;
     this.#asked += 1;
     this.model.changed("draft");
     return begun;

@@ -4,7 +4,7 @@ import { PLANES, extent, sliceNumber, sliceStep, windowed } from "/slices.js";
 import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
 import { crossSvg, itemsSvg } from "./overlay.js";
 import { Pane } from "./pane.js";
-import { SliceSight } from "./sight.js";
+import { SliceProjection } from "./projections.js";
 
 export const PLANE_COLORS = { axial: "#ff7d70", sagittal: "#f2cf5b", coronal: "#7ddc84", oblique: "#b99cff" };
 
@@ -60,23 +60,23 @@ export class SlicePane extends Pane {
   }
 
   /** By the camera that the server tells: its own word on right and up counts. */
-  sightOf({ camera, view }) {
+  projectionOf({ camera, view }) {
     const { eye_mm: eye, look_at_mm: center, up, projection } = camera.camera;
     const right = unit(cross(sub(center, eye), up));
     const [width, height] = camera.size_px;
-    return new SliceSight({ ...view, center, right, up: unit(up), height: projection.orthographic.height_mm, aspect: width / height });
+    return new SliceProjection({ ...view, center, right, up: unit(up), height: projection.orthographic.height_mm, aspect: width / height });
   }
 
   overlay() {
-    const { model, sight } = this;
+    const { model, projection } = this;
     const others = Object.keys(PLANE_COLORS).filter((name) => name !== this.name);
     const planes = others.map((name) => {
       const { right, up } = directions(name, model);
       return [cross(right, up), PLANE_COLORS[name], name === "oblique"];
     });
-    this.crossLayer.innerHTML = crossSvg(sight, model.cursor.mm, planes, this.size);
+    this.crossLayer.innerHTML = crossSvg(projection, model.cursor.mm, planes, this.size);
     const { draft, moved } = this.hand;
-    this.itemLayer.innerHTML = itemsSvg(model.shown(), sight, this.size, { ...model, draft, moved });
+    this.itemLayer.innerHTML = itemsSvg(model.shown(), projection, this.size, { ...model, draft, moved });
     const { mm } = model.cursor;
     const axis = PLANES[this.name]?.axis;
     this.at.textContent = axis === undefined ? (model.oblique.follows ? "as 3D" : "") : placeWords(model.volume, axis, mm[axis]);
@@ -85,11 +85,11 @@ export class SlicePane extends Pane {
 
   /** Where a place of the picture is. Exact: nothing has to be asked. */
   async locate(at) {
-    return this.sight && { mm: this.sight.unproject(at), method: "slice", camera: this.sight.record() };
+    return this.projection && { mm: this.projection.unproject(at), method: "slice", camera: this.projection.record() };
   }
 
   click(at) {
-    if (this.sight) this.hand.look(this.sight.unproject(at));
+    if (this.projection) this.hand.look(this.projection.unproject(at));
   }
 
   /** The left button takes the cursor along, others move the picture; with Shift the window changes. */

@@ -98,7 +98,7 @@ export class Structures {
 
   /** The size of the brush, where the pointer is. */
   ring(pane, at) {
-    const radius = (number("paint-radius") ?? 5) / (pane.sight?.height ?? Infinity);
+    const radius = (number("paint-radius") ?? 5) / (pane.projection?.height ?? Infinity);
     const svg = pane.itemLayer;
     svg.querySelector(".brush")?.remove();
     if (!(radius > 0) || !Number.isFinite(radius)) return;

@@ -19,16 +19,16 @@ export function drawInSlice(pane, shapes) {
   if (!shapes.length) return cleared(pane, 0);
   const { context, width, height } = cleared(pane, scale);
   for (const shape of shapes) {
-    if (shape.content.kind === "region") drawArea(context, pane.sight, shape, width, height);
-    else drawCut(context, pane.sight, shape, width, height, scale);
+    if (shape.content.kind === "region") drawArea(context, pane.projection, shape, width, height);
+    else drawCut(context, pane.projection, shape, width, height, scale);
   }
 }
 
 /** The voxels that the slice's plane goes through, its edge strong. */
-function drawArea(context, sight, { content, color, selected }, width, height) {
+function drawArea(context, projection, { content, color, selected }, width, height) {
   const [w, h] = [Math.ceil(width / 2), Math.ceil(height / 2)];
   const index = (x, y) => {
-    const point = sight.unproject([x / w, y / h]);
+    const point = projection.unproject([x / w, y / h]);
     return content.inverse.map((row) => row.reduce((sum, value, i) => sum + value * (point[i] - content.origin[i]), 0));
   };
   const start = index(0.5, 0.5);
@@ -56,9 +56,9 @@ function drawArea(context, sight, { content, color, selected }, width, height) {
 }
 
 /** Where the slice's plane cuts triangles. */
-function drawCut(context, sight, { content, color, selected }, width, height, scale) {
+function drawCut(context, projection, { content, color, selected }, width, height, scale) {
   const { vertices, triangles } = content;
-  const { center, normal } = sight;
+  const { center, normal } = projection;
   const offs = new Float32Array(vertices.length / 3);
   for (let i = 0; i < offs.length; i += 1) {
     offs[i] = normal[0] * (vertices[3 * i] - center[0]) + normal[1] * (vertices[3 * i + 1] - center[1]) + normal[2] * (vertices[3 * i + 2] - center[2]);
@@ -74,7 +74,7 @@ function drawCut(context, sight, { content, color, selected }, width, height, sc
       ends.push([0, 1, 2].map((i) => vertices[3 * a + i] + t * (vertices[3 * b + i] - vertices[3 * a + i])));
     }
     if (ends.length !== 2) continue;
-    const [from, to] = ends.map((point) => sight.project(point).at);
+    const [from, to] = ends.map((point) => projection.project(point).at);
     context.moveTo(from[0] * width, from[1] * height);
     context.lineTo(to[0] * width, to[1] * height);
   }
@@ -92,9 +92,9 @@ export function drawIn3d(pane, shapes) {
   const nearest = new Float32Array(width * height).fill(Infinity);
   for (const shape of shapes) {
     const draw = shape.content.kind === "mesh" ? fillTriangles : fillVoxels;
-    draw(shape, pane.sight, { width, height, data: image.data, nearest });
+    draw(shape, pane.projection, { width, height, data: image.data, nearest });
   }
-  const { depths } = pane.sight;
+  const { depths } = pane.projection;
   if (depths) {
     for (let y = 0, i = 0; y < height; y += 1) {
       for (let x = 0; x < width; x += 1, i += 1) {
@@ -109,14 +109,14 @@ export function drawIn3d(pane, shapes) {
 /** Brightness of a surface that is turned so, by a light at the eye: 0.25 to 1. */
 const lit = (facing) => 0.25 + 0.75 * Math.min(1, Math.abs(facing));
 
-function fillVoxels({ content, color, selected }, sight, target) {
+function fillVoxels({ content, color, selected }, projection, target) {
   const base = rgb(color);
   for (const { at, normal } of content.points) {
-    const seen = sight.project(at);
+    const seen = projection.project(at);
     if (!seen) continue;
     const size = Math.hypot(...normal) || 1;
-    const facing = (normal[0] * sight.forward[0] + normal[1] * sight.forward[1] + normal[2] * sight.forward[2]) / size;
-    const beside = sight.project(at.map((value, i) => value + content.spacing * sight.right[i]));
+    const facing = (normal[0] * projection.forward[0] + normal[1] * projection.forward[1] + normal[2] * projection.forward[2]) / size;
+    const beside = projection.project(at.map((value, i) => value + content.spacing * projection.right[i]));
     const half = Math.max(0.5, 0.9 * Math.abs(beside.at[0] - seen.at[0]) * target.width);
     const [x, y] = [seen.at[0] * target.width, seen.at[1] * target.height];
     const shade = base.map((channel) => channel * lit(facing));
@@ -137,12 +137,12 @@ function put({ width, height, data, nearest }, x, y, depth, shade, selected) {
   data[4 * i + 3] = selected ? 235 : 200;
 }
 
-function fillTriangles({ content, color, selected }, sight, target) {
+function fillTriangles({ content, color, selected }, projection, target) {
   const { vertices, triangles } = content;
   const count = vertices.length / 3;
   const placed = new Float32Array(3 * count);
   for (let i = 0; i < count; i += 1) {
-    const seen = sight.project([vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]]);
+    const seen = projection.project([vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]]);
     placed.set(seen ? [seen.at[0] * target.width, seen.at[1] * target.height, seen.depth] : [NaN, NaN, NaN], 3 * i);
   }
   const base = rgb(color);
@@ -152,7 +152,7 @@ function fillTriangles({ content, color, selected }, sight, target) {
     const [p, q, r] = [corner(a), corner(b), corner(c)];
     const [u, v] = [q.map((value, i) => value - p[i]), r.map((value, i) => value - p[i])];
     const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    const facing = (normal[0] * sight.forward[0] + normal[1] * sight.forward[1] + normal[2] * sight.forward[2]) / (Math.hypot(...normal) || 1);
+    const facing = (normal[0] * projection.forward[0] + normal[1] * projection.forward[1] + normal[2] * projection.forward[2]) / (Math.hypot(...normal) || 1);
     fillTriangle(placed, a, b, c, base.map((channel) => channel * lit(facing)), target, selected);
   }
 }

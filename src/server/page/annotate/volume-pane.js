@@ -6,7 +6,7 @@ import { request } from "/view.js";
 import { HOME } from "./model.js";
 import { cursorSvg, itemsSvg } from "./overlay.js";
 import { Pane } from "./pane.js";
-import { CameraSight, Depths } from "./sight.js";
+import { CameraProjection, Depths } from "./projections.js";
 import { PLANE_COLORS } from "./slice-pane.js";
 
 const MOVING_MS = 80;
@@ -30,15 +30,15 @@ export class VolumePane extends Pane {
   }
 
   /** Depth comes beside a picture that stands still: by it is known what hides what. */
-  sightOf({ bitmap, layout, camera }) {
-    if (layout !== "rgbd") return new CameraSight(camera);
+  projectionOf({ bitmap, layout, camera }) {
+    if (layout !== "rgbd") return new CameraProjection(camera);
     const [width, height] = [bitmap.width / 2, bitmap.height];
     Object.assign(this.copy.canvas, { width, height });
     this.copy.drawImage(bitmap, width, 0, width, height, 0, 0, width, height);
     const { data } = this.copy.getImageData(0, 0, width, height);
     const bytes = new Uint8Array(width * height);
     for (let i = 0; i < bytes.length; i += 1) bytes[i] = data[4 * i];
-    return new CameraSight(camera, new Depths(bytes, width, height, camera));
+    return new CameraProjection(camera, new Depths(bytes, width, height, camera));
   }
 
   paint(picture) {
@@ -46,11 +46,11 @@ export class VolumePane extends Pane {
   }
 
   overlay() {
-    const { model, sight } = this;
+    const { model, projection } = this;
     const colors = ["sagittal", "coronal", "axial"].map((name) => PLANE_COLORS[name]);
-    this.crossLayer.innerHTML = cursorSvg(sight, model.cursor.mm, colors, this.size, model.volume.bounds_mm);
+    this.crossLayer.innerHTML = cursorSvg(projection, model.cursor.mm, colors, this.size, model.volume.bounds_mm);
     const { draft, moved } = this.hand;
-    this.itemLayer.innerHTML = itemsSvg(model.shown(), sight, this.size, { ...model, draft, moved });
+    this.itemLayer.innerHTML = itemsSvg(model.shown(), projection, this.size, { ...model, draft, moved });
     const { azimuth, elevation } = model.pose;
     this.at.textContent = `${azimuth.toFixed(0)}° ${elevation.toFixed(0)}°`;
     this.hand.structures?.drawVolume(this);
@@ -65,8 +65,8 @@ export class VolumePane extends Pane {
     const query = new URLSearchParams({ ...look, u: inside[0], v: inside[1] });
     const found = await (await request(`/v1/volumes/${this.model.volume.id}/pick?${query}`, { signal })).json();
     if (!found.hit) return null;
-    const ray = this.sight.rayTo(found.patient_mm);
-    return { mm: found.patient_mm, hu: found.hu ?? null, depth: found.depth_mm, ray, method: "pick", camera: this.sight.record() };
+    const ray = this.projection.rayTo(found.patient_mm);
+    return { mm: found.patient_mm, hu: found.hu ?? null, depth: found.depth_mm, ray, method: "pick", camera: this.projection.record() };
   }
 
   async click(at) {

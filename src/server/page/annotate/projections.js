@@ -9,7 +9,7 @@ import { Projection } from "/projection.js";
 import { add, cross, scale } from "/vectors.js";
 
 /** A slice: an orthographic picture of a plane. All directions are unit vectors. */
-export class SliceSight {
+export class SliceProjection {
   constructor({ center, right, up, height, aspect }) {
     Object.assign(this, { center, right, up, height, width: height * aspect, normal: cross(right, up) });
   }
@@ -36,7 +36,7 @@ export class SliceSight {
 }
 
 /** A camera, with the depths of what is seen where they are known. */
-export class CameraSight extends Projection {
+export class CameraProjection extends Projection {
   constructor(told, depths = null) {
     super(told);
     this.depths = depths;
