@@ -6,8 +6,6 @@
     reason = "a test may panic and print, in its helpers too"
 )]
 
-use crate::common;
-
 use std::process::Command;
 
 use serde_json::Value;
@@ -26,9 +24,6 @@ fn landmarks_are_placed_within_a_millimetre_again_and_again() {
 }
 
 fn check(repeats: usize) {
-    if common::software_adapter("the accuracy of placing").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let count = repeats.to_string();

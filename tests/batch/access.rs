@@ -24,7 +24,7 @@ fn through(archive: &Archive, url: &str, access: &[&str]) -> (Option<usize>, Str
     let relief = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
         command.args(arguments).args(["--nats", url]).args(access).env_remove("RELIEF_NATS_TOKEN");
-        command.env("RELIEF_ADAPTER", "software").env("RELIEF_LOG", "trace").output().unwrap()
+        command.env("RELIEF_ADAPTER", "cpu").env("RELIEF_LOG", "trace").output().unwrap()
     };
     let submitted = relief(&["batch", "submit", "--manifest", &manifest]);
     let mut said = [submitted.stdout, submitted.stderr].concat();
@@ -45,9 +45,6 @@ fn through(archive: &Archive, url: &str, access: &[&str]) -> (Option<usize>, Str
 #[test]
 fn a_queue_behind_tls_is_worked_with_the_authority_that_its_server_has() {
     let what = "queues behind TLS";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     if secrets(what, &archive.path("")).is_none() {
         return;
@@ -82,9 +79,6 @@ fn a_queue_behind_tls_is_worked_with_the_authority_that_its_server_has() {
 #[test]
 fn a_queue_of_an_operator_takes_the_credentials_of_its_users_alone() {
     let what = "queues with credentials";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     if secrets(what, &archive.path("")).is_none() {
         return;

@@ -81,9 +81,6 @@ fn degrees_between(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// landmark at the camera's distance.
 #[test]
 fn landmarks_are_seen_along_the_true_normal() {
-    if software_adapter("views of landmarks").is_none() {
-        return;
-    }
     let archive = ball();
     let frame = the_frame_of_reference(&archive, "ball");
     let outwards = [[0.0, -1.0, 0.0], [0.6, 0.0, 0.8], [-0.48, 0.6, -0.64], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
@@ -138,9 +135,6 @@ fn landmarks_are_seen_along_the_true_normal() {
 /// The very picture of `relief render --annotations`, and beside it the plain one of the same rays.
 #[test]
 fn annotated_pictures_are_those_of_render() {
-    if software_adapter("annotated pictures of batches").is_none() {
-        return;
-    }
     let archive = ball();
     let frame = the_frame_of_reference(&archive, "ball");
     let camera = CameraRecord {
@@ -197,9 +191,6 @@ fn annotated_pictures_are_those_of_render() {
 /// annotated pictures equal those of `relief render`.
 #[test]
 fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
-    if software_adapter("jobs of edited annotations").is_none() {
-        return;
-    }
     let archive = ball();
     let frame = the_frame_of_reference(&archive, "ball");
     let first = point("apex", [0.0, -80.0, 0.0], &frame);
@@ -261,9 +252,6 @@ fn what_needs_annotations_says_so() {
 /// at their edges.
 #[test]
 fn labels_are_the_nearest_structure_in_each_pixel() {
-    if software_adapter("pictures of labels").is_none() {
-        return;
-    }
     let archive = ball();
     let frame = the_frame_of_reference(&archive, "ball");
     let plates = [("near plate", -100.0, [-40.0, 10.0]), ("far plate", 60.0, [-10.0, 40.0])];

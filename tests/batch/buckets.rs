@@ -5,7 +5,7 @@ use super::*;
 
 fn with_bucket(bucket: &Bucket, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-    command.args(arguments).env("RELIEF_ADAPTER", "software").envs(bucket.environment()).env("NO_PROXY", "*");
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").envs(bucket.environment()).env("NO_PROXY", "*");
     command.output().unwrap()
 }
 
@@ -13,9 +13,6 @@ fn with_bucket(bucket: &Bucket, arguments: &[&str]) -> Output {
 #[test]
 fn a_bucket_gets_what_a_folder_gets_and_done_is_done() {
     let what = "outputs in buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(2);
     ok(&archive.plan(&["--views", "planes"]));
@@ -57,9 +54,6 @@ s3.upload_file(sys.argv[4], 'views', 'a/b/' + sys.argv[3])";
 #[test]
 fn workers_of_a_queue_fill_a_bucket() {
     let what = "workers that write into buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let (Some(bucket), Some(nats)) = (Bucket::start(what), Nats::start(what, &[])) else { return };
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "turntable:4"]));
@@ -80,9 +74,6 @@ fn workers_of_a_queue_fill_a_bucket() {
 #[test]
 fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
     let what = "buckets that are not there";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "planes"]));
@@ -102,9 +93,6 @@ fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
 #[test]
 fn a_report_of_a_bucket_is_in_the_bucket_and_the_same_as_of_a_folder() {
     let what = "reports of buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(2);
     ok(&archive.plan(&["--views", "turntable:4", "--products", "color,depth-png,camera"]));
@@ -166,9 +154,6 @@ fn sizes(archive: &Archive) -> (u64, u64) {
 #[test]
 fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
     let what = "series in buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "planes"]));
@@ -220,9 +205,6 @@ fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
 #[test]
 fn copies_and_objects_that_were_altered_are_not_taken_for_what_they_were() {
     let what = "altered copies of series in buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(2);
     bucket.upload(&archive.path("series"), "archive/ct/");
@@ -339,9 +321,6 @@ fn refusing_service() -> String {
 #[test]
 fn label_maps_in_a_bucket_are_drawn_by_workers_as_those_of_a_folder() {
     let what = "label maps in buckets";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let (Some(bucket), Some(nats)) = (Bucket::start(what), Nats::start(what, &[])) else { return };
     let archive = Archive { folder: tempfile::tempdir().unwrap() };
     ok(&relief(&["phantom", "--kind", "head", "--size", "48", "--out", &archive.text("series/head")]));

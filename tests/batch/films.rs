@@ -18,9 +18,6 @@ fn ffmpeg() -> Option<String> {
 
 #[test]
 fn an_mp4_has_every_turn_and_opencv_plays_it() {
-    if software_adapter("films of batches").is_none() {
-        return;
-    }
     let (Some(ffmpeg), Some(python)) = (ffmpeg(), std::env::var_os("RELIEF_PEERS_PYTHON")) else {
         eprintln!("SKIPPED: turntables as MP4 (there is no ffmpeg, or RELIEF_PEERS_PYTHON is not set)");
         return;
@@ -59,9 +56,6 @@ print(json.dumps({'nearest': nearest, 'size': size, 'fps': film.get(cv2.CAP_PROP
 
 #[test]
 fn without_ffmpeg_there_is_the_animated_png_and_a_word() {
-    if software_adapter("films without ffmpeg").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "turntable:2"]));
     let refused = archive.run(&["--turntable", "mp4", "--ffmpeg", "no-such-ffmpeg"]);

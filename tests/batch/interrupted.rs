@@ -11,7 +11,7 @@ fn start(archive: &Archive, shard: &str) -> Child {
     let program = env!("CARGO_BIN_EXE_relief");
     Command::new(program)
         .args(["batch", "run", "--manifest", &manifest, "--out", &out, "--shard", shard])
-        .env("RELIEF_ADAPTER", "software")
+        .env("RELIEF_ADAPTER", "cpu")
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
@@ -24,9 +24,6 @@ fn start(archive: &Archive, shard: &str) -> Child {
 /// Four workers, three of which are killed during their work; the next run does the rest.
 #[test]
 fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
-    if software_adapter("batches whose workers are killed").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(5);
     ok(&archive.plan(&["--views", "turntable:40"]));
     ok(&archive.run_into("reference", &[]));
@@ -66,9 +63,6 @@ fn pictures_or_none(archive: &Archive) -> usize {
 
 #[test]
 fn shares_are_disjoint_and_whole() {
-    if software_adapter("shares of batches").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(6);
     ok(&archive.plan(&["--views", "planes"]));
     let shares: Vec<u64> =
@@ -85,9 +79,6 @@ fn shares_are_disjoint_and_whole() {
 /// of its outputs.
 #[test]
 fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
-    if software_adapter("batches with bad series").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(3);
     std::fs::create_dir(archive.path("series/empty")).unwrap();
     std::fs::write(archive.path("series/broken.nii"), b"no volume").unwrap();
@@ -123,9 +114,6 @@ fn a_bad_series_stops_no_other_and_altered_ones_are_planned_anew() {
 /// rest; a further run renders nothing.
 #[test]
 fn outputs_that_were_altered_or_removed_are_made_again() {
-    if software_adapter("batches with altered outputs").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "planes"]));
     ok(&archive.run(&[]));
@@ -143,9 +131,6 @@ fn outputs_that_were_altered_or_removed_are_made_again() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_volume_beyond_the_memory_is_refused_with_both_numbers() {
-    if software_adapter("batches under a limit of memory").is_none() {
-        return;
-    }
     let archive = Archive { folder: tempfile::tempdir().unwrap() };
     let out = archive.text("series/large");
     ok(&relief(&["phantom", "--kind", "sphere", "--size", "360", "--out", &out]));

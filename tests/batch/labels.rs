@@ -20,9 +20,6 @@ fn keys(archive: &Archive) -> Vec<Value> {
 /// Invariant: Label maps are part of the key of a job and are drawn as by `relief render`.
 #[test]
 fn organs_are_kept_as_render_keeps_them() {
-    if software_adapter("label maps of batches").is_none() {
-        return;
-    }
     let archive = heads();
     let scene = archive.text("brain.json");
     let views = ["--views", "turntable:2", "--scene", &scene];

@@ -1,8 +1,5 @@
 //! `relief batch`, as researchers run it: many series, interrupted runs, bad series among good
 //! ones.
-//!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the tests say
-//! that they skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
@@ -27,7 +24,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use common::software_adapter;
 use serde_json::Value;
 
 use crate::common;
@@ -82,7 +78,7 @@ impl Archive {
 
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
-    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 fn ok(output: &Output) -> Value {
@@ -113,9 +109,6 @@ fn pictures(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 /// rest; a further run renders nothing.
 #[test]
 fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
-    if software_adapter("batches of views").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(3);
     let planned = ok(&archive.plan(&["--views", "turntable:4,planes"]));
     assert_eq!((&planned["series"], &planned["jobs"]), (&3.into(), &21.into()));
@@ -149,9 +142,6 @@ fn a_batch_renders_what_render_writes_and_a_second_run_renders_nothing() {
 
 #[test]
 fn a_picture_without_content_is_a_warning_of_run_record_and_report() {
-    if software_adapter("batches of empty views").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     let views = archive.text("views.json");
     let far = r#"{"clip": {"box_mm": [[900, 900, 900], [901, 901, 901]]}}"#;
@@ -170,9 +160,6 @@ fn a_picture_without_content_is_a_warning_of_run_record_and_report() {
 
 #[test]
 fn the_report_stands_alone_and_has_sheets_and_turntables() {
-    if software_adapter("reports of batches").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "turntable:4"]));
     ok(&archive.run(&[]));
@@ -203,9 +190,6 @@ fn the_report_stands_alone_and_has_sheets_and_turntables() {
 
 #[test]
 fn frames_and_depth_are_written_where_they_are_wanted() {
-    if software_adapter("products of batches").is_none() {
-        return;
-    }
     let archive = Archive::of_phantoms(1);
     let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));
     let plan = ["batch", "plan", "--root", &root, "--out", &out, "--views", "sides", "--preset", "skin"];

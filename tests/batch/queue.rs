@@ -26,7 +26,7 @@ impl Worker {
         let process = Command::new(env!("CARGO_BIN_EXE_relief"))
             .args(["batch", "work", "--nats", &nats.url(), "--out", out, "--json"])
             .args(more)
-            .env("RELIEF_ADAPTER", "software")
+            .env("RELIEF_ADAPTER", "cpu")
             .env("RELIEF_LOG", log)
             .stdout(Stdio::piped())
             .stderr(std::fs::File::create(&errors).unwrap())
@@ -79,9 +79,6 @@ fn await_pictures(archive: &Archive, wanted: usize) {
 #[test]
 fn killed_workers_lose_no_job_and_do_none_twice() {
     let what = "queues whose workers are killed";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(5);
     ok(&archive.plan(&["--views", "turntable:40"]));
@@ -133,9 +130,6 @@ fn killed_workers_lose_no_job_and_do_none_twice() {
 #[test]
 fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     let what = "bad series in queues";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "planes"]));
@@ -172,9 +166,6 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
 #[test]
 fn what_may_pass_is_tried_again_and_given_up_at_last() {
     let what = "jobs of queues that are tried again";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(2);
     ok(&archive.plan(&["--views", "planes"]));
@@ -206,9 +197,6 @@ fn what_may_pass_is_tried_again_and_given_up_at_last() {
 #[test]
 fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     let what = "jobs of queues that kill their workers";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(2);
     let views = archive.text("views.json");
@@ -258,9 +246,6 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
 #[test]
 fn a_server_that_is_killed_and_started_anew_is_found_again() {
     let what = "queues whose server is killed";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(mut nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(3);
     ok(&archive.plan(&["--views", "turntable:40"]));
@@ -284,9 +269,6 @@ fn a_server_that_is_killed_and_started_anew_is_found_again() {
 #[test]
 fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
     let what = "workers that are told to stop";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "turntable:90"]));

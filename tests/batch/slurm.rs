@@ -37,7 +37,7 @@ impl Cluster {
         let mut command = Command::new("timeout");
         command.args(["180", "sbatch", "--wait", "--array", array, SCRIPT]);
         command.args([archive.text("jobs.jsonl"), archive.text("out")]);
-        command.envs(self.variables.iter().cloned()).env("RELIEF", program).env("RELIEF_ADAPTER", "software");
+        command.envs(self.variables.iter().cloned()).env("RELIEF", program).env("RELIEF_ADAPTER", "cpu");
         let output = command.current_dir(&logs).output().unwrap();
         let texts = files(&logs).into_values().map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
         (output, texts.collect())
@@ -53,9 +53,6 @@ impl Drop for Cluster {
 /// Invariant: A Slurm job array renders every view once.
 #[test]
 fn a_job_array_renders_every_view_once_and_requeues_what_may_pass() {
-    if software_adapter("job arrays of Slurm").is_none() {
-        return;
-    }
     let Some(cluster) = Cluster::start() else { return };
     let archive = Archive::of_phantoms(6);
     ok(&archive.plan(&["--views", "planes"]));

@@ -9,7 +9,7 @@ use super::{driven, number, numbers, skipped};
 /// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| driven("annotate.py", what, "128", false));
+    let seen = SEEN.get_or_init(|| driven("annotate.py", "128", false));
     if seen.is_none() {
         skipped(what);
     }

@@ -12,7 +12,7 @@ use super::{driven, number, numbers, skipped, triple};
 /// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| driven("hands.py", what, "128", false));
+    let seen = SEEN.get_or_init(|| driven("hands.py", "128", false));
     if seen.is_none() {
         skipped(what);
     }

@@ -9,7 +9,7 @@ use super::{driven, skipped};
 #[test]
 fn pages_lead_to_the_sign_in_page_and_back() {
     let what = "signing in";
-    let Some(seen) = driven("identity.py", what, "64", false) else { return skipped(what) };
+    let Some(seen) = driven("identity.py", "64", false) else { return skipped(what) };
     assert_eq!(seen["led_to"], "/sign-in?next=/annotate");
     assert_eq!(seen["wrong_token"], "This token is unknown or has expired.");
     assert_eq!(seen["back_at"], "/annotate");

@@ -43,7 +43,7 @@ class Server:
 
     def start(self):
         command = [RELIEF, "serve", "--series", SERIES, "--listen", f"127.0.0.1:{self.port}"]
-        environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
+        environment = {**os.environ, "RELIEF_ADAPTER": "cpu", "RELIEF_LOG": "warn"}
         self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
         for _ in range(600):
             try:

@@ -48,9 +48,8 @@ fn relief(arguments: &[&str]) {
 
 /// The results of a script of `browser/` with a served head of this size; `None` if there is no
 /// browser.
-fn driven(script: &str, what: &str, size: &str, reports: bool) -> Option<Value> {
+fn driven(script: &str, size: &str, reports: bool) -> Option<Value> {
     let (python, chromium) = (python()?, chromium()?);
-    common::software_adapter(what)?;
     let folder = tempfile::tempdir().unwrap();
     let [series, last] = ["head", "reports.jsonl"].map(|name| folder.path().join(name));
     let text = |path: &Path| path.to_str().unwrap().to_owned();
@@ -76,7 +75,7 @@ fn skipped(what: &str) {
 /// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| driven("kiosk.py", what, "96", true));
+    let seen = SEEN.get_or_init(|| driven("kiosk.py", "96", true));
     if seen.is_none() {
         skipped(what);
     }

@@ -54,7 +54,7 @@ class Server:
             self.url = f"http://127.0.0.1:{port}"
             shown = ["--series", series] if series else []
             command = [relief, "serve", *shown, "--listen", f"127.0.0.1:{port}", *more]
-            environment = {**os.environ, "RELIEF_ADAPTER": "software", "RELIEF_LOG": "warn"}
+            environment = {**os.environ, "RELIEF_ADAPTER": "cpu", "RELIEF_LOG": "warn"}
             self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
         for _ in range(600):
             try:

@@ -10,7 +10,7 @@ use super::{driven, number, numbers, skipped, triple};
 /// The results of the browser, once for all tests; `None` with a message if there is no browser.
 fn seen(what: &str) -> Option<&'static Value> {
     static SEEN: OnceLock<Option<Value>> = OnceLock::new();
-    let seen = SEEN.get_or_init(|| driven("views.py", what, "96", false));
+    let seen = SEEN.get_or_init(|| driven("views.py", "96", false));
     if seen.is_none() {
         skipped(what);
     }

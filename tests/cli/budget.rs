@@ -1,27 +1,18 @@
 //! `relief render --budget-ms`, as users run it.
-//!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the test says
-//! that it skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-use crate::common;
-
 use std::process::{Command, Output};
 
-use common::software_adapter;
 use serde_json::{Value, json};
 
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
-    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 #[test]
 fn a_tiny_budget_gives_fewer_rays_in_the_size_that_was_asked_for_and_a_large_one_the_same_bytes() {
-    if software_adapter("budgets from the command line").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let series = path("head");

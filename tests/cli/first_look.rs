@@ -5,11 +5,11 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::common::{software_adapter, unpacked};
+use crate::common::unpacked;
 
 fn relief(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-    command.args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 /// Renders a series in colour, and returns what was said and the picture.
@@ -55,9 +55,6 @@ fn surfaces(series: &str, preset: &str, range: &str, out: &Path) -> Vec<u16> {
 #[test]
 fn real_series_fill_the_picture_and_the_depth() {
     const WHAT: &str = "the first look at real series";
-    if software_adapter(WHAT).is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (out, depth) = (folder.path().join("out.png"), folder.path().join("depth.png"));
     for name in ["crlm-ct-1004", "totalseg-abdomen-j2k", "phantom-skull-5mm", "sts-001-thigh"] {
@@ -83,9 +80,6 @@ fn real_series_fill_the_picture_and_the_depth() {
 #[test]
 fn real_series_get_the_preset_and_the_window_of_their_body_part() {
     const WHAT: &str = "presets chosen for real series";
-    if software_adapter(WHAT).is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.png");
     for (name, preset, window) in [
@@ -116,9 +110,6 @@ fn real_series_get_the_preset_and_the_window_of_their_body_part() {
 
 #[test]
 fn a_picture_without_content_says_why() {
-    if software_adapter("pictures without content").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (series, out, scene) =
         (folder.path().join("head"), folder.path().join("out.png"), folder.path().join("s.json"));
@@ -150,9 +141,6 @@ fn a_picture_without_content_says_why() {
 /// another.
 #[test]
 fn the_size_of_a_scene_is_kept_or_its_loss_is_said() {
-    if software_adapter("sizes of scenes").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let [series, out, scene] =
         ["head", "out.png", "s.json"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());

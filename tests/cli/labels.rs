@@ -1,21 +1,14 @@
 //! `relief render --labels`, as users run it: organs of the procedural head, kept and cut by name;
 //! a volume without DICOM; refusals.
-//!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
-//! test says that it skipped. Refusals need none.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
-
-use crate::common;
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::software_adapter;
-
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
-    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 fn head(folder: &Path) -> [String; 2] {
@@ -29,9 +22,6 @@ fn head(folder: &Path) -> [String; 2] {
 
 #[test]
 fn organs_of_the_head_are_kept_and_cut_by_name_and_number() {
-    if software_adapter("organs from the command line").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let [series, labels] = head(folder.path());
     let picture = |more: &[&str]| {

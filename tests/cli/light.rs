@@ -1,28 +1,19 @@
 //! `relief render` with placed lights, as users run it: options are equivalent to scenes, and
 //! errors say what to do.
-//!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
-//! test says that it skipped. Refusals of arguments need none.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-use crate::common;
-
 use std::process::{Command, Output};
 
-use common::software_adapter;
 use serde_json::json;
 
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
-    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 #[test]
 fn light_by_options_is_that_of_its_scene() {
-    if software_adapter("light from the command line").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let series = path("head");

@@ -1,22 +1,16 @@
 //! `relief render` with slices, as users run it: the picture, the letters at its edges, and
 //! refusals.
-//!
-//! Rendering needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise the
-//! test says that it skipped. Refusals need none.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
-
-use crate::common;
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::software_adapter;
 use serde_json::{Value, json};
 
 fn relief(arguments: &[&str]) -> Output {
     let program = env!("CARGO_BIN_EXE_relief");
-    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "software").output().unwrap()
+    Command::new(program).args(arguments).env("RELIEF_ADAPTER", "cpu").output().unwrap()
 }
 
 fn axes_series(folder: &Path) -> String {
@@ -29,9 +23,6 @@ fn axes_series(folder: &Path) -> String {
 /// The same by options and by a scene file, with the balls and the letters where they belong.
 #[test]
 fn a_slice_by_options_is_that_of_its_scene() {
-    if software_adapter("slices from the command line").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = axes_series(folder.path());
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

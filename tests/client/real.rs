@@ -1,5 +1,4 @@
-//! A client process and a server process, with a phantom whose geometry is known. Needs an adapter:
-//! with `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says that it skipped.
+//! A client process and a server process, with a phantom whose geometry is known.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -8,27 +7,14 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
-use relief_render::{AdapterChoice, Gpu};
 use relief_tracking::{Beacon, SensorPath as HandPath, SensorPose, Simulation, recording_line};
 use serde_json::Value;
 
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
-/// Whether frames can be rendered here; says so when not.
-pub(crate) fn has_adapter(test: &str) -> bool {
-    let opened = Gpu::open(&AdapterChoice::Software);
-    if let (Err(error), Some(_)) = (&opened, std::env::var_os("RELIEF_REQUIRE_ADAPTER")) {
-        panic!("RELIEF_REQUIRE_ADAPTER is set: {error}");
-    }
-    if opened.is_err() {
-        eprintln!("SKIPPED: {test} (no software graphics adapter)");
-    }
-    opened.is_ok()
-}
-
 pub(crate) fn relief(arguments: &[&str]) -> Command {
     let mut command = Command::new(RELIEF);
-    command.args(arguments).env("RELIEF_ADAPTER", "software").stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
@@ -144,9 +130,6 @@ pub(crate) fn pixels(png: &[u8]) -> (u32, u32, Vec<u8>) {
 /// state marks change neither header, depth nor black lines.
 #[test]
 fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
-    if !has_adapter("relief client --save-frame") {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     let id = serving.ready();
@@ -184,9 +167,6 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
 
 #[test]
 fn measuring_reads_every_header_row_and_finds_the_still_frame() {
-    if !has_adapter("relief client --measure") {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     serving.ready();
@@ -244,9 +224,6 @@ fn lines_of(record: &Path) -> Vec<Value> {
 /// lost session resumes by its token or its view.
 #[test]
 fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_view() {
-    if !has_adapter("relief client and a killed server") {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let mut serving = Serving::start(&series, "127.0.0.1:0");
@@ -289,9 +266,6 @@ fn a_server_that_is_killed_and_started_again_gets_its_client_back_with_the_same_
 
 #[test]
 fn a_recorded_session_plays_again_and_ends_in_the_same_picture() {
-    if !has_adapter("relief client --replay") {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     serving.ready();
@@ -353,9 +327,6 @@ fn recording(folder: &Path) -> PathBuf {
 /// camera, within 1 mm; and the cursor has moved as the hand.
 #[test]
 fn a_wiimotes_cursor_lies_in_the_frames_depth_where_geometry_has_it() {
-    if !has_adapter("relief client --wiimote") {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
     serving.ready();

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::batch::services::Bucket;
 use crate::cluster::stage::{Answer, Process, get, lone, phantom, relief, volumes};
-use crate::common::software_adapter;
 
 /// A server of a prefix of the bucket.
 fn of_bucket(bucket: &Bucket, more: &[&str], errors: &Path) -> (Process, String) {
@@ -38,9 +37,6 @@ fn zipped(folder: &Path, zip: &Path) {
 #[test]
 fn servers_of_one_bucket_give_the_ids_bytes_and_tags_of_one_of_folders() {
     let what = "servers of a bucket";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let folder = tempfile::tempdir().unwrap();
     let series = ["sphere", "slab", "head"].map(|kind| phantom(folder.path(), kind));
@@ -99,9 +95,6 @@ fn servers_of_one_bucket_give_the_ids_bytes_and_tags_of_one_of_folders() {
 #[test]
 fn a_bucket_that_cannot_be_served_ends_the_server_with_the_reason() {
     let what = "servers of buckets that are not there";
-    if software_adapter(what).is_none() {
-        return;
-    }
     let Some(bucket) = Bucket::start(what) else { return };
     let folder = tempfile::tempdir().unwrap();
     bucket.upload(&phantom(folder.path(), "sphere"), "ct/DOE^JOHN/");

@@ -3,7 +3,6 @@
 use serde_json::Value;
 
 use crate::cluster::stage::{phantom, relief, root};
-use crate::common::software_adapter;
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
@@ -11,9 +10,6 @@ fn number(value: &Value) -> f64 {
 
 #[test]
 fn a_capacity_follows_from_what_was_measured() {
-    if software_adapter("a_capacity_follows_from_what_was_measured").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path(), "sphere");
     let series = series.to_str().unwrap();

@@ -1,7 +1,7 @@
 //! Several servers behind nginx, with one log in PostgreSQL: real ones, started by
 //! `scripts/serve-cluster` on loopback.
 //!
-//! Needs an adapter, nginx and PostgreSQL (`scripts/setup-services`, `scripts/setup-postgres`, `.
+//! Needs nginx and PostgreSQL (`scripts/setup-services`, `scripts/setup-postgres`, `.
 //! scripts/env.sh`); a message names what is missing.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]

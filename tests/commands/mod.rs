@@ -17,7 +17,6 @@ use std::path::Path;
 use self::blocks::{Block, blocks};
 use self::session::Session;
 use self::world::World;
-use crate::common::software_adapter;
 
 /// Parts of commands that are not run, and why.
 const EXCLUDED: &[(&str, &str)] = &[
@@ -54,9 +53,6 @@ const EXCLUDED: &[(&str, &str)] = &[
 /// Invariant: Every command of README and the pages in `docs` runs as written, or has a reason not to.
 #[test]
 fn every_command_of_the_documents_runs() {
-    if software_adapter("the commands of the documents").is_none() {
-        return;
-    }
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let world = World::new();
     let mut unused: Vec<&str> = EXCLUDED.iter().map(|(part, _)| *part).collect();

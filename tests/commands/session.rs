@@ -81,7 +81,7 @@ impl Session {
 
     fn shell(&self, script: &str) -> Result<(), String> {
         let mut command = Command::new("sh");
-        command.arg("-ec").arg(script).current_dir(self.folder.path()).env("RELIEF_ADAPTER", "software");
+        command.arg("-ec").arg(script).current_dir(self.folder.path()).env("RELIEF_ADAPTER", "cpu");
         let path = std::env::var("PATH").unwrap_or_default();
         let programs = Path::new(RELIEF).parent().unwrap().display();
         command.env("PATH", format!("{programs}:{}:{path}", self.root.display()));
@@ -98,7 +98,7 @@ impl Session {
         let listen = if written.contains("--listen") { "" } else { " --listen 127.0.0.1:0" };
         let script = format!("exec {RELIEF}{}{listen}", written.strip_prefix("relief").unwrap());
         let mut command = Command::new("sh");
-        command.arg("-c").arg(script).current_dir(self.folder.path()).env("RELIEF_ADAPTER", "software");
+        command.arg("-c").arg(script).current_dir(self.folder.path()).env("RELIEF_ADAPTER", "cpu");
         let log = std::fs::File::create(self.folder.path().join("serve.log")).unwrap();
         let mut process = command.stdout(Stdio::piped()).stderr(log).spawn().unwrap();
         let mut line = String::new();

@@ -8,7 +8,6 @@ use crate::common::child::peak_of;
 use crate::common::hostile::{
     DEFLATED_FRAME, RLE, Slice, deflated_zeros, nifti_labels, overlapping_zip, rle_frame, zip_of,
 };
-use crate::common::software_adapter;
 
 /// A server of a small phantom, and the volume's id.
 fn serving(folder: &std::path::Path, more: &[&str]) -> (Running, String) {
@@ -31,9 +30,6 @@ fn status_of(answer: &(String, Vec<u8>)) -> u16 {
 /// was.
 #[test]
 fn hostile_uploads_are_refused_in_little_memory() {
-    if software_adapter("hostile uploads").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (running, id) = serving(folder.path(), &[]);
     let before = peak_of(&running.process);
@@ -67,9 +63,6 @@ fn hostile_uploads_are_refused_in_little_memory() {
 /// Invariant: A server that takes no uploads takes no files of annotations either.
 #[test]
 fn imports_are_refused_where_uploads_are_off() {
-    if software_adapter("imports without uploads").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (running, id) = serving(folder.path(), &["--uploads", "off"]);
     let table = b"label,l,p,s\nNasion,1,2,3\n";
@@ -83,9 +76,6 @@ fn imports_are_refused_where_uploads_are_off() {
 /// Invariant: Beyond the loopback, too, a server answers only to names that no page can have.
 #[test]
 fn a_server_of_a_network_answers_to_addresses_and_known_names() {
-    if software_adapter("names of a server").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let arguments =
@@ -109,9 +99,6 @@ fn a_server_of_a_network_answers_to_addresses_and_known_names() {
 /// Invariant: Idle connections keep nobody out.
 #[test]
 fn idle_connections_make_room_for_others() {
-    if software_adapter("idle connections").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (running, id) = serving(folder.path(), &[]);
     let idle: Vec<TcpStream> = (0..400).map(|_| TcpStream::connect(&running.address).unwrap()).collect();

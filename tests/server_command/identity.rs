@@ -11,7 +11,6 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
 
 use super::{Running, phantom, relief};
-use crate::common::software_adapter;
 
 /// A landmark, as a client sends it.
 const LANDMARK: &str =
@@ -85,9 +84,6 @@ fn a_server_for_other_machines_asks_who_calls() {
 /// holder's edits. A removed token is refused within seconds.
 #[test]
 fn tokens_have_scopes_and_name_the_author() {
-    if software_adapter("tokens").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (file, log, audit) = (path("tokens"), path("log.db"), path("audit.log"));
@@ -183,9 +179,6 @@ fn check_audit(audit: &str, id: &str) {
 /// ticket opens one.
 #[test]
 fn pages_sign_in_and_open_sockets_by_tickets() {
-    if software_adapter("sign-in").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("tokens").to_str().unwrap().to_owned();
     let anna = token(&file, "anna", "annotate");
@@ -257,9 +250,6 @@ fn ask_encrypted(
 /// new certificate without a restart, and tells a client that does not trust it what to do.
 #[test]
 fn an_encrypted_server_serves_the_client_that_trusts_it() {
-    if software_adapter("TLS").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (file, tls, picture) = (path("tokens"), path("tls"), path("frame.png"));
@@ -340,9 +330,6 @@ fn a_trusted_proxy_names_callers_and_nobody_else_does() {
 /// Invariant: An upload that does not end delays no upload of another caller.
 #[test]
 fn a_caller_has_one_upload_at_a_time() {
-    if software_adapter("shares of uploads").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let tokens = folder.path().join("tokens").to_str().unwrap().to_owned();
     let (anna, ben) = (token(&tokens, "anna", "admin"), token(&tokens, "ben", "admin"));

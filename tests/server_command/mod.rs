@@ -1,8 +1,5 @@
 //! `relief serve` as users run it: a process that prints its address, loads, answers, and stops on
 //! a signal.
-//!
-//! Needs an adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails; otherwise each test says
-//! that it skipped.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(unix)]
@@ -21,13 +18,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::software_adapter;
-
 const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
 fn relief(arguments: &[&str]) -> Command {
     let mut command = Command::new(RELIEF);
-    command.args(arguments).env("RELIEF_ADAPTER", "software").stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
@@ -108,9 +103,6 @@ fn phantom(folder: &Path) -> String {
 /// Invariant: The frame over HTTP equals the file of `relief render`, byte for byte.
 #[test]
 fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
-    if software_adapter("relief serve").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let running = Running::start(&series);
@@ -137,9 +129,6 @@ fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
 /// encoding, under one id.
 #[test]
 fn a_traced_request_reads_as_its_story() {
-    if software_adapter("the log of a request").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let mut command = relief(&["serve", "--series", &series, "--listen", "127.0.0.1:0"]);
@@ -175,9 +164,6 @@ fn named_zip(files: &[Vec<u8>]) -> Vec<u8> {
 
 #[test]
 fn names_in_an_uploaded_zip_are_not_logged() {
-    if software_adapter("relief serve, with uploads").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let slices =
@@ -199,9 +185,6 @@ fn names_in_an_uploaded_zip_are_not_logged() {
 
 #[test]
 fn stops_at_an_interrupt_while_it_loads() {
-    if software_adapter("relief serve, interrupted").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let running = Running::start(&phantom(folder.path()));
     assert_eq!(running.stop("-INT").0, Some(0));
@@ -209,9 +192,6 @@ fn stops_at_an_interrupt_while_it_loads() {
 
 #[test]
 fn a_series_that_cannot_be_served_ends_it_with_the_reason() {
-    if software_adapter("relief serve, without a series").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let missing = relief(&["serve", "--series", "/nowhere", "--listen", "127.0.0.1:0"]).output().unwrap();
     assert_eq!(missing.status.code(), Some(1));
@@ -236,9 +216,6 @@ fn metric(running: &Running, name: &str) -> u64 {
 #[test]
 fn a_long_render_that_nobody_waits_for_makes_way() {
     const SIDE: u64 = 2048;
-    if software_adapter("a_long_render_that_nobody_waits_for_makes_way").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let running = Running::start(&phantom(folder.path()));
     running.await_ready();
@@ -270,9 +247,6 @@ fn a_long_render_that_nobody_waits_for_makes_way() {
 /// evicted, and a volume that cannot fit is refused by its dimensions.
 #[test]
 fn of_three_series_under_a_budget_for_two_one_is_evicted() {
-    if software_adapter("of_three_series_under_a_budget_for_two_one_is_evicted").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let mut arguments: Vec<String> =
         ["serve", "--listen", "127.0.0.1:0", "--gpu-memory", "900kB", "--memory", "140kB"]
@@ -396,9 +370,6 @@ impl Annotated {
 /// render`; slices show outlines; labels stand where they can be read.
 #[test]
 fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_writes() {
-    if software_adapter("annotations of relief serve").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let annotated = Annotated::start(folder.path());
     let Annotated { running, log, path, points, .. } = &annotated;

@@ -12,7 +12,6 @@ use opentelemetry_proto::tonic::trace::v1::Span;
 use prost::Message;
 
 use super::{Running, phantom, relief};
-use crate::common::software_adapter;
 
 /// Takes requests until the server's end is dropped, and hands over their bodies with their paths.
 fn collector() -> (String, mpsc::Receiver<(String, Vec<u8>)>) {
@@ -57,9 +56,6 @@ fn text(span: &Span, key: &str) -> Option<String> {
 /// a patient.
 #[test]
 fn a_collector_gets_a_request_and_its_frame() {
-    if software_adapter("traces").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let (url, received) = collector();
@@ -97,9 +93,6 @@ fn a_collector_gets_a_request_and_its_frame() {
 /// A collector that is not there costs a warning, and no picture.
 #[test]
 fn a_missing_collector_is_a_warning() {
-    if software_adapter("traces without a collector").is_none() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let url = format!("http://{}", TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap());

@@ -1,19 +1,15 @@
 //! Transfer functions from outside: the commands and their results.
-//!
-//! Rendering needs a software adapter. With `RELIEF_REQUIRE_ADAPTER=1` a missing one fails;
-//! otherwise a test says that it skipped.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
-use crate::common;
 mod foreign;
 mod presets;
 
 use std::process::{Command, Output};
 
-/// Runs `relief` with these arguments on a software adapter.
+/// Runs `relief` with these arguments on the processor.
 fn relief(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-    command.args(arguments).env("RELIEF_ADAPTER", "software").env_remove("RELIEF_LOG");
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").env_remove("RELIEF_LOG");
     command.output().unwrap()
 }
 

@@ -3,7 +3,6 @@
 use relief_volume::PRESETS;
 use serde_json::Value;
 
-use super::common::software_adapter;
 use super::{relief, told};
 
 #[test]
@@ -37,9 +36,6 @@ fn json_says_what_each_stands_for() {
 /// something, and no two pictures are the same.
 #[test]
 fn every_thumbnail_shows_the_head_in_its_own_way() {
-    if software_adapter("every_thumbnail_shows_the_head_in_its_own_way").is_none() {
-        return;
-    }
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("thumbnails");
     let json = told(&["presets", "--json", "--thumbnails", folder.to_str().unwrap()]);
