@@ -35,42 +35,55 @@ impl Real for One {
     type Scalar = f64;
     type Mask = bool;
 
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self(self.0.min(other.0))
     }
+    #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self(self.0.max(other.0))
     }
+    #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.abs())
     }
+    #[inline(always)]
     fn floor(self) -> Self {
         Self(self.0.floor())
     }
+    #[inline(always)]
     fn ceil(self) -> Self {
         Self(self.0.ceil())
     }
+    #[inline(always)]
     fn round(self) -> Self {
         Self(self.0.round_ties_even())
     }
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.sqrt())
     }
+    #[inline(always)]
     fn log2(self) -> Self {
         Self(self.0.log2())
     }
+    #[inline(always)]
     fn exp2(self) -> Self {
         Self(self.0.exp2())
     }
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.0 < other.0
     }
+    #[inline(always)]
     fn le(self, other: Self) -> bool {
         self.0 <= other.0
     }
+    #[inline(always)]
     fn or_where_not(self, mask: bool, other: Self) -> Self {
         if mask { self } else { other }
     }
+    #[inline(always)]
     fn store(self, to: &mut [f64]) {
         to[0] = self.0;
     }
@@ -94,51 +107,66 @@ impl Lanes for OneLane {
     type Mask = bool;
     type Index = usize;
 
+    #[inline(always)]
     fn scalar(self, number: f64) -> f64 {
         number
     }
+    #[inline(always)]
     fn splat(self, number: f64) -> One {
         One(number)
     }
+    #[inline(always)]
     fn by_lane(self, mut number: impl FnMut(usize) -> f64) -> One {
         One(number(0))
     }
+    #[inline(always)]
     fn load(self, numbers: &[f64]) -> One {
         One(numbers[0])
     }
+    #[inline(always)]
     fn chosen(self, numbers: &[f64; 8], places: &[u8]) -> One {
         One(numbers[usize::from(places[0]) % 8])
     }
+    #[inline(always)]
     fn first(self, count: usize) -> bool {
         count > 0
     }
+    #[inline(always)]
     fn places(self, Triple([x, y, z]): Triple<One>, [row, layer]: [i32; 2]) -> usize {
         x.0 as usize + y.0 as usize * row as usize + z.0 as usize * layer as usize
     }
+    #[inline(always)]
     fn place(self, at: One) -> usize {
         at.0 as usize
     }
+    #[inline(always)]
     fn bytes(self, bytes: &[u8], at: usize) -> One {
         One(bytes[at].into())
     }
+    #[inline(always)]
     fn numbers<T: Copy + Into<f32>>(self, numbers: &[T], at: usize) -> One {
         One(numbers[at].into().into())
     }
+    #[inline(always)]
     fn short_pairs<const N: usize>(self, numbers: &[i16], at: usize, distances: [i32; N]) -> [[One; 2]; N] {
         distances.map(|distance| {
             let first = at.wrapping_add_signed(distance as isize);
             [0, 1].map(|beside| One(numbers[first + beside].into()))
         })
     }
+    #[inline(always)]
     fn real_pairs(self, numbers: &[f32], at: usize) -> [One; 2] {
         [0, 1].map(|beside| One(numbers[at + beside].into()))
     }
+    #[inline(always)]
     fn color_pairs(self, colors: &[[f32; 4]], at: usize) -> [Triple<One>; 2] {
         [0, 1].map(|beside| Triple([0, 1, 2].map(|channel: usize| One(colors[at + beside][channel].into()))))
     }
+    #[inline(always)]
     fn entries(self, table: &[[f32; 4]], at: usize) -> [One; 4] {
         table[at].map(|number| One(number.into()))
     }
+    #[inline(always)]
     fn gathered(self, numbers: One, _chosen: bool) -> One {
         numbers
     }
