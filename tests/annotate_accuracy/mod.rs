@@ -13,20 +13,12 @@ use serde_json::Value;
 /// Invariant: In the simulation, the median error of landmarks on the head is below a millimetre,
 /// with the default mapping and snapping.
 #[test]
+#[ignore = "takes minutes: it runs in scripts/test --all"]
 fn landmarks_are_placed_within_a_millimetre_as_installed_with_snapping() {
-    check(1);
-}
-
-#[test]
-#[ignore = "takes minutes: the same with three repeats, in scripts/test --all"]
-fn landmarks_are_placed_within_a_millimetre_again_and_again() {
-    check(3);
-}
-
-fn check(repeats: usize) {
+    const REPEATS: usize = 3;
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let count = repeats.to_string();
+    let count = REPEATS.to_string();
     let arguments = ["annotate", "accuracy", "--seed", "1", "--repeats", &count, "--json", "--out", out];
     let done = Command::new(env!("CARGO_BIN_EXE_relief")).args(arguments).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
@@ -38,7 +30,7 @@ fn check(repeats: usize) {
             ways.iter().find(|one| one["way"] == way && one["mapping"] == mapping && one["snap"] == snap);
         let found = found.unwrap();
         assert!(
-            found["errors_mm"].as_array().unwrap().len() >= 18 * repeats,
+            found["errors_mm"].as_array().unwrap().len() >= 18 * REPEATS,
             "rays that meet nothing are few: {found}"
         );
         found["median_mm"].as_f64().unwrap()

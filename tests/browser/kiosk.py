@@ -91,6 +91,16 @@ def wait_for(page, condition, seconds=30):
     raise SystemExit(f"not within {seconds} s: {condition}; {page.evaluate('JSON.stringify(' + ROOT + ')')}")
 
 
+def waiting(page, text, seconds=30):
+    """State and words of a page that waits and says this. Between two tries it says that it connects."""
+    for _ in range(20 * seconds):
+        connection, said = page.evaluate(f"[{ROOT}.connection, document.getElementById('state').innerText]")
+        if connection == "waiting" and text in said:
+            return {"connection": connection, "said": said}
+        page.wait_for_timeout(50)
+    raise SystemExit(f"not within {seconds} s: {text}; {connection}: {said}")
+
+
 def wait_still(page, after=0):
     """Waits for a still frame that shows a message beyond `after`."""
     wait_for(page, f"{ROOT}.still === 'true' && Number({ROOT}.shows) >= {after}", 60)
@@ -163,8 +173,7 @@ def hands(playwright, server):
     found["before"] = view(page)
     found["problems"] = problems[:]
     server.kill()
-    wait_for(page, f"{ROOT}.connection === 'waiting'")
-    found["said"] = page.inner_text("#state")
+    found["said"] = waiting(page, "No connection")["said"]
     server.start()
     wait_for(page, f"{ROOT}.connection === 'live'", 30)
     before = int(page.evaluate(f"{ROOT}.frame"))
@@ -209,9 +218,7 @@ def early(playwright, server):
     wait_for(page, f"{ROOT}.connection === 'waiting'")
     page.wait_for_timeout(4000)
     found = {"tries": len(tries)}
-    # Between two tries the page says that it connects.
-    wait_for(page, f"{ROOT}.connection === 'waiting'")
-    found |= {"connection": page.evaluate(f"{ROOT}.connection"), "said": page.inner_text("#state")}
+    found |= waiting(page, "does not have this volume yet")
     ask("/v1/volumes", "POST", ball)
     wait_still(page)
     query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"

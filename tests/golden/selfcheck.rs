@@ -12,7 +12,7 @@ use relief_golden::compare;
 use relief_golden::{
     Aspect, Case, Collection, Comparison, GoldenError, MAX_FILE_BYTES, Mismatch, Raster, Samples, Tolerance,
 };
-use relief_render::RenderedFrame;
+use relief_render::{RenderedFrame, Renderer};
 use relief_volume::Volume;
 
 fn golden_dir() -> &'static Path {
@@ -227,6 +227,7 @@ fn rearranged(volume: &Volume, source: impl Fn([usize; 3]) -> [usize; 3]) -> Vol
 
 #[test]
 fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
+    let mut renderer = Renderer::on_processor();
     for view in ["front", "left", "back", "right", "head", "feet", "rolled"] {
         let case = case(&format!("camera/{view}"));
         let phantom = common::phantom(case.recipe());
@@ -242,7 +243,7 @@ fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
             ("k mirrored", rearranged(volume, |[i, j, k]| [i, j, last - k])),
         ];
         for (what, volume) in wrong {
-            let frame = relief_render::render_reference(&volume, &request).unwrap();
+            let frame = renderer.render(&volume, &request).unwrap();
             for (aspect, actual) in both(&frame) {
                 let golden = case.expected(aspect).unwrap().expect("it is blessed");
                 // Even by the looser tolerance for renderers that round differently.

@@ -183,7 +183,7 @@ fn hiding_half_of_a_volume_is_cutting_it_off() {
     ] {
         for edges in ["smooth", "voxels"] {
             let scene = format!(
-                r#"{{"mode": "{mode}", "transfer": {transfer}, "size_px": [160, 120],
+                r#"{{"mode": "{mode}", "transfer": {transfer}, "size_px": [112, 84],
                     "labels": {{"edges": "{edges}", "tint": 0, "segments": [{{"label": 1, "visible": false}}]}}}}"#
             );
             let hidden = resolved(volume, &map, &scene);
@@ -218,7 +218,7 @@ fn patchwork(grid: &Grid) -> Arc<LabelMap> {
     })
 }
 
-const PATCHWORK: &str = r#"{"size_px": [160, 120], "transfer": "soft-tissue", "labels": {"edges": "EDGES", "tint": 0.4,
+const PATCHWORK: &str = r#"{"size_px": [112, 84], "transfer": "soft-tissue", "labels": {"edges": "EDGES", "tint": 0.4,
     "others": {"tint": 0.8}, "segments": [{"label": 0, "transfer": "bone"}, {"label": "near", "transfer": "skin"},
     {"label": 7, "visible": false}]}}"#;
 
@@ -263,7 +263,7 @@ fn what_is_hidden_throws_no_shadow() {
         let alone = resolved(
             &volume,
             &map,
-            r#"{"transfer": "bone", "size_px": [160, 120], "clip": {"labels": {"keep": [7]}}}"#,
+            r#"{"transfer": "bone", "size_px": [112, 84], "clip": {"labels": {"keep": [7]}}}"#,
         );
         let alone = RenderRequest { lights: lit.lights.clone(), illumination, ..alone };
         let unshaded = RenderRequest { illumination: Illumination::default(), ..alone.clone() };
@@ -280,7 +280,7 @@ fn gpu_and_twin_agree_about_segments_in_slices() {
     for (slab_mm, blend) in [(0.0, SlabBlend::Mean), (12.0, SlabBlend::Mean), (12.0, SlabBlend::Mip)] {
         let scene = format!(
             r#"{{"mode": "slice", "slice": {{"plane": "coronal", "slab_mm": {slab_mm}, "blend": "{}"}},
-                "size_px": [160, 120], "labels": {{"segments": [{{"label": 7, "visible": false}},
+                "size_px": [112, 84], "labels": {{"segments": [{{"label": 7, "visible": false}},
                 {{"label": 2, "transfer": {{"window": {{"center_hu": 400, "width_hu": 900}}}}}}]}}}}"#,
             blend.name()
         );
@@ -309,7 +309,7 @@ fn skipping_changes_no_byte_of_segments_and_skips_what_is_hidden() {
             assert!(bits(&on.depth_mm) == bits(&off.depth_mm), "{mode}, {edges}: depth");
         }
     }
-    let ball = r#"{"transfer": "soft-tissue", "size_px": [160, 120], "clip": {"labels": {"keep": [7]}}}"#;
+    let ball = r#"{"transfer": "soft-tissue", "size_px": [112, 84], "clip": {"labels": {"keep": [7]}}}"#;
     let kept = resolved(&volume, &map, ball);
     let whole = RenderRequest { labels: None, ..kept.clone() };
     let counts = [&kept, &whole].map(|r| renderer.count_samples(&volume, r, EmptySpaceSkipping::On).unwrap());
@@ -325,7 +325,7 @@ fn hundreds_of_segments_are_shown_and_what_changes_nothing_costs_nothing() {
     let volume = common::volume(PhantomKind::Head, 64);
     let map = label_map(volume.grid(), |[i, j, k], _| (i / 8 + 8 * (j / 8) + 64 * (k / 8)) as u16);
     assert!(map.segments().len() > 300, "{}", map.segments().len());
-    let scene = r#"{"transfer": "skin", "size_px": [160, 120], "labels": {"edges": "voxels", "tint": 1}}"#;
+    let scene = r#"{"transfer": "skin", "size_px": [112, 84], "labels": {"edges": "voxels", "tint": 1}}"#;
     let request = resolved(&volume, &map, scene);
     let frame = renderer.render(&volume, &request).unwrap();
     let tints: std::collections::BTreeSet<[u8; 3]> =

@@ -36,7 +36,7 @@ fn expect_equal(gpu: &RenderedFrame, twin: &RenderedFrame, what: &str) {
 
 pub(super) fn request(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderRequest {
     let orbit = Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg };
-    let scene = SceneFile::default().with_preset(preset).with_size([160, 120]);
+    let scene = SceneFile::default().with_preset(preset).with_size([112, 84]);
     scene.resolve(volume.grid(), &orbit).unwrap().request
 }
 

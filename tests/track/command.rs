@@ -347,7 +347,7 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
 fn the_experiment_prints_its_table_beside_the_published_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
-    let done = run(&["experiment", "--repeats", "2", "--json", "--out", text(&out)]);
+    let done = run(&["experiment", "--repeats", "1", "--json", "--out", text(&out)]);
     assert!(done.status.success(), "{}", stderr(&done));
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
     let published = vector(&report["paper_mean"]);
