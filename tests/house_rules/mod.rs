@@ -6,6 +6,7 @@
 //! Each rule is a function from files to complaints, and is tested with files that break it.
 
 mod api;
+mod circles;
 mod invariants;
 mod rule;
 
@@ -48,6 +49,7 @@ rules! {
     invariants_are_indexed,
     public_api_is_listed,
     crates_are_in_the_table,
+    imports_make_no_circles,
     pages_export_what_is_imported,
 }
 
@@ -107,6 +109,23 @@ fn rules_about_files_find_what_breaks_them() {
         rule::pages_export_what_is_imported,
         &[page, ("src/server/page/b.js", "import { f,\n  K as k } from \"./a.js\";")],
     );
+}
+
+#[test]
+fn circles_of_imports_are_found_through_facades_and_inner_modules() {
+    let root = ("src/a/lib.rs", "mod b;\nmod c;\npub use b::B;\nuse c::C;");
+    let facade = ("src/a/b/mod.rs", "mod d;\npub struct B;\nfn f() -> d::D { d::D }");
+    let child = ("src/a/b/d.rs", "pub struct D;\nfn f(b: crate::B) {}");
+    let c = ("src/a/c.rs", "pub struct C;");
+    keeps(rule::imports_make_no_circles, &[root, ("src/a/b/mod.rs", "pub struct B;"), c]);
+    keeps(rule::imports_make_no_circles, &[root, facade, child, c]);
+    let through_c = ("src/a/c.rs", "use super::b::d::D;\npub struct C;");
+    let child = ("src/a/b/d.rs", "pub struct D;\nmod inner {\n    use super::super::super::C;\n}");
+    breaks(rule::imports_make_no_circles, &[root, facade, child, through_c]);
+    let inside = ("src/a/b/d.rs", "pub struct D;\npub struct C;\nmod inner {\n    use super::C;\n}");
+    keeps(rule::imports_make_no_circles, &[root, facade, inside, through_c]);
+    let in_tests = ("src/a/b/d.rs", "pub struct D;\n#[cfg(test)]\nmod tests {\n    use crate::C;\n}");
+    keeps(rule::imports_make_no_circles, &[root, facade, in_tests, through_c]);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The rules: each returns its complaints about a set of files.
 
+pub(super) use super::circles::imports_make_no_circles;
 use super::{
     File, MAX_FILE_LINES, MAX_FUNCTION_LINES, ROOT_DOCUMENTS, api, extension, find, holds_word, invariants,
 };
