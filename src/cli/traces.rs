@@ -4,17 +4,22 @@
 //! nothing that names a patient. They are sent by a thread of their own, in batches, and are dropped
 //! when the collector does not keep up.
 
+use std::collections::HashMap;
 use std::time::Duration;
 
+use opentelemetry::propagation::TextMapPropagator;
 use opentelemetry::trace::TracerProvider;
 use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig};
 use opentelemetry_sdk::Resource;
+use opentelemetry_sdk::propagation::TraceContextPropagator;
 use opentelemetry_sdk::trace::{SdkTracerProvider, Tracer};
 use tracing::Subscriber;
-use tracing_opentelemetry::OpenTelemetryLayer;
+use tracing_opentelemetry::{OpenTelemetryLayer, OpenTelemetrySpanExt};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::Layer;
 use tracing_subscriber::registry::LookupSpan;
+
+use relief_server::TraceHeaders;
 
 /// How long a batch may take, and the last one at the end of the program.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -56,6 +61,15 @@ impl Traces {
             .with_location(false)
             .with_threads(false)
             .with_filter(EnvFilter::new("off,relief=debug"))
+    }
+}
+
+/// Makes a span a part of its caller's trace. Without a collector nothing records the span.
+pub(super) fn join(span: &tracing::Span, headers: TraceHeaders<'_>) {
+    let mut carrier = HashMap::from([("traceparent".to_owned(), headers.parent.to_owned())]);
+    carrier.extend(headers.state.map(|state| ("tracestate".to_owned(), state.to_owned())));
+    if let Err(error) = span.set_parent(TraceContextPropagator::new().extract(&carrier)) {
+        tracing::trace!(%error, "the span joins no trace");
     }
 }
 

@@ -10,17 +10,23 @@ use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderName, HeaderValue, Method};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method};
 use axum::middleware::Next;
 use axum::response::Response;
 use tracing::Instrument;
 
 use super::metrics::Metrics;
 use super::problem::Cause;
+use super::state::{Config, TraceHeaders};
 
 static REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-pub(super) async fn observe(State(metrics): State<Arc<Metrics>>, request: Request, next: Next) -> Response {
+pub(super) async fn observe(
+    State(metrics): State<Arc<Metrics>>,
+    State(config): State<Arc<Config>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let id = request_id(request.headers().get(&REQUEST_ID));
     let route =
         request.extensions().get::<MatchedPath>().map_or("unmatched", |path| path.as_str()).to_owned();
@@ -28,6 +34,9 @@ pub(super) async fn observe(State(metrics): State<Arc<Metrics>>, request: Reques
     let since = Instant::now();
     let in_flight = metrics.enter();
     let span = tracing::info_span!("request", id = %id.to_str().unwrap_or(""), method, route);
+    if let (Some(join), Some(headers)) = (config.join_trace, trace_headers(request.headers())) {
+        join(&span, headers);
+    }
     let mut response = next.run(request).instrument(span.clone()).await;
     drop(in_flight);
     let status = response.status().as_u16();
@@ -41,6 +50,12 @@ pub(super) async fn observe(State(metrics): State<Arc<Metrics>>, request: Reques
     });
     response.headers_mut().insert(&REQUEST_ID, id);
     response
+}
+
+/// The headers of the caller's trace, if they are text.
+fn trace_headers(headers: &HeaderMap) -> Option<TraceHeaders<'_>> {
+    let text = |name: &str| headers.get(name)?.to_str().ok();
+    Some(TraceHeaders { parent: text("traceparent")?, state: text("tracestate") })
 }
 
 /// The client's own id when it is one that a log line can hold, else a new one.

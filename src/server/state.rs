@@ -84,6 +84,21 @@ pub struct Config {
     pub content_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
+    /// How the span of a request joins its caller's trace; `None` starts a trace for each request.
+    pub join_trace: Option<JoinTrace>,
+}
+
+/// Joins a span to the trace that the headers `traceparent` and `tracestate` name (W3C Trace
+/// Context). Invalid headers leave the span as it is.
+pub type JoinTrace = fn(&tracing::Span, TraceHeaders<'_>);
+
+/// The headers of a request that name its caller's trace.
+#[derive(Clone, Copy, Debug)]
+pub struct TraceHeaders<'a> {
+    /// The trace and the span that sent the request.
+    pub parent: &'a str,
+    /// Values of tracing systems, in their order.
+    pub state: Option<&'a str>,
 }
 
 /// The names under which a server answers. They defend it against web pages whose host name
@@ -150,6 +165,7 @@ impl Default for Config {
             volume_names: NameSource::default(),
             content_bytes: 64 << 30,
             live: LiveConfig::default(),
+            join_trace: None,
         }
     }
 }

@@ -95,9 +95,11 @@ impl Imports {
             syn::UseTree::Name(name) if name.ident == "self" => {
                 self.name(before.last().cloned().unwrap_or_default(), before.to_vec(), is_exported);
             }
-            syn::UseTree::Name(name) => self.name(name.ident.to_string(), joined(&name.ident), is_exported),
+            syn::UseTree::Name(name) => {
+                self.name(name.ident.to_string(), joined(&name.ident), is_exported);
+            }
             syn::UseTree::Rename(name) => {
-                self.name(name.rename.to_string(), joined(&name.ident), is_exported)
+                self.name(name.rename.to_string(), joined(&name.ident), is_exported);
             }
         }
     }

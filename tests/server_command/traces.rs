@@ -67,6 +67,12 @@ fn a_collector_gets_a_request_and_its_frame() {
     let path = format!("GET /v1/volumes/{id}/frame?size_px=64,36&layout=color");
     let (head, _) = running.ask(&path, "X-Request-Id: story\r\n", &[]);
     assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    // The example of the W3C's recommendation; and one that names no trace.
+    let caller = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+    for (id, parent) in [("joined", caller), ("alone", "00-0-0-01")] {
+        let headers = format!("X-Request-Id: {id}\r\ntraceparent: {parent}\r\ntracestate: a=1\r\n");
+        assert!(running.ask(&path, &headers, &[]).0.starts_with("HTTP/1.1 200"));
+    }
     // The last batch is sent before the program ends.
     let (status, log) = running.stop("-TERM");
     assert_eq!(status, Some(0), "{log}");
@@ -82,9 +88,17 @@ fn a_collector_gets_a_request_and_its_frame() {
             spans.extend(of_scopes.map(|span| (span.span_id.clone(), span)));
         }
     }
-    let frame = spans.values().find(|span| span.name == "frame").expect("a span of the frame");
-    let request = &spans[&frame.parent_span_id];
-    assert_eq!((request.name.as_str(), text(request, "id").as_deref()), ("request", Some("story")));
+    let of_request = |id: &str| spans.values().find(|span| text(span, "id").as_deref() == Some(id)).unwrap();
+    let request = of_request("story");
+    assert_eq!((request.name.as_str(), request.parent_span_id.len()), ("request", 0));
+    let joined = of_request("joined");
+    assert_eq!(data_encoding::HEXLOWER.encode(&joined.trace_id), &caller[3..35]);
+    assert_eq!(data_encoding::HEXLOWER.encode(&joined.parent_span_id), &caller[36..52]);
+    assert_eq!(joined.trace_state, "a=1");
+    let alone = of_request("alone");
+    assert!(alone.parent_span_id.is_empty() && alone.trace_id != joined.trace_id);
+    let of_story = |span: &&Span| span.name == "frame" && span.parent_span_id == request.span_id;
+    let frame = spans.values().find(of_story).expect("a span of the frame");
     assert_eq!(text(request, "method").as_deref(), Some("GET"));
     assert!(frame.start_time_unix_nano >= request.start_time_unix_nano);
     assert!(frame.end_time_unix_nano <= request.end_time_unix_nano, "the answer came before the frame");

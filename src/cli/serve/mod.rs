@@ -309,6 +309,8 @@ fn config(
         },
         content_bytes: arguments.contents,
         live,
+        #[cfg(feature = "traces")]
+        join_trace: arguments.traces.is_some().then_some(crate::traces::join),
         ..Config::default()
     })
 }
