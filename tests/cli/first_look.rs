@@ -57,7 +57,7 @@ fn real_series_fill_the_picture_and_the_depth() {
     const WHAT: &str = "the first look at real series";
     let folder = tempfile::tempdir().unwrap();
     let (out, depth) = (folder.path().join("out.png"), folder.path().join("depth.png"));
-    for name in ["crlm-ct-1004", "phantom-skull-5mm", "sts-001-thigh"] {
+    for name in ["crlm-ct-1004", "totalseg-abdomen-j2k", "phantom-skull-5mm", "sts-001-thigh"] {
         let Some(data) = unpacked(WHAT, name) else { return };
         let series = data.to_str().unwrap();
         for preset in ["bone", "skin"] {

@@ -36,7 +36,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("ct-server", "needs a server in the network"),
     ("chromium", "needs a display; tests of pages run a browser"),
     ("survey.jsonl", "needs a Wiimote's recording; tests of calibration simulate one"),
-    ("relief annotate accuracy", "takes minutes; a test runs it with few users"),
+    ("relief annotate accuracy", "takes minutes; scripts/test --all runs it"),
     ("relief track design", "takes minutes; tests run it with few poses"),
     ("relief track experiment", "takes minutes; tests run it with few poses"),
     ("turntable:60", "plans 60 pictures of each series; others are run"),

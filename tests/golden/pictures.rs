@@ -2,7 +2,7 @@
 //! make them.
 //!
 //! The first test needs a software adapter. Without one it fails if `RELIEF_REQUIRE_ADAPTER=1`, and
-//! prints a message otherwise. The second test needs none: goldens were approved by eye, and the
+//! prints a message otherwise. The others need none: goldens were approved by eye, and the
 //! f64 twin verifies that they are also right to the last step.
 #![allow(
     clippy::unwrap_used,
