@@ -8,54 +8,63 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::axis::{number, ticks};
-use crate::drawing::{Anchor, Color, Drawing, Pen};
+use plotters::chart::ChartBuilder;
+use plotters::coord::combinators::IntoLogRange;
+use plotters::coord::types::RangedCoordf64;
+use plotters::element::{Circle, PathElement};
+use plotters::prelude::{IntoDrawingArea, RGBColor};
+use plotters::style::Color;
+use plotters::style::text_anchor::HPos;
+
 use crate::output::write_whole;
+use crate::plot::{Area, Chart, INK, Label, PALE, PlotError, SMALL, Sheet, TEXT, TITLE, axes, dashed, pen};
 use crate::track::outcome::ExperimentReport;
 use relief_tracking::PlotPoint;
 
-const INK: Color = [0x22, 0x22, 0x22];
-const PALE: Color = [0x5a, 0x5a, 0x5a];
-const GRID: Color = [0xdd, 0xdd, 0xdd];
-const PUBLISHED: Pen = Pen { color: [0x8a, 0x2b, 0xa8], width: 2.0, dash: Some([7.0, 5.0]) };
+/// How the line of a method looks, dots.
+#[derive(Clone, Copy)]
+struct Pen {
+    color: RGBColor,
+    width: u32,
+    /// Lengths of a dash and of the gap after it.
+    dash: Option<[i32; 2]>,
+}
+
+impl Pen {
+    const fn solid(color: RGBColor, width: u32) -> Self {
+        Self { color, width, dash: None }
+    }
+
+    const fn dashed(color: RGBColor, width: u32, dash: [i32; 2]) -> Self {
+        Self { color, width, dash: Some(dash) }
+    }
+}
+
+const PUBLISHED: Pen = Pen::dashed(RGBColor(0x8a, 0x2b, 0xa8), 4, [14, 10]);
 /// In the order of the methods; distinguishable in grey. Wide lines lie below narrow ones that are
 /// close to them.
 const PENS: [Pen; 5] = [
-    Pen::solid([0xd2, 0x3c, 0x3c], 5.0),
-    Pen::solid([0xa8, 0x66, 0x00], 1.6),
-    Pen { color: [0x3f, 0x7f, 0xbf], width: 1.4, dash: Some([2.0, 3.5]) },
-    Pen::solid([0x12, 0x9b, 0x7e], 5.0),
-    Pen::solid([0x1a, 0x1a, 0x1a], 1.4),
+    Pen::solid(RGBColor(0xd2, 0x3c, 0x3c), 10),
+    Pen::solid(RGBColor(0xa8, 0x66, 0x00), 3),
+    Pen::dashed(RGBColor(0x3f, 0x7f, 0xbf), 3, [4, 7]),
+    Pen::solid(RGBColor(0x12, 0x9b, 0x7e), 10),
+    Pen::solid(RGBColor(0x1a, 0x1a, 0x1a), 3),
 ];
 
-/// Heights of capitals.
-const TITLE: f64 = 13.0;
-const TEXT: f64 = 9.0;
-const SMALL: f64 = 8.0;
-
-/// Most single errors of a way that are shown beside their means: eight repeats.
+/// Most single errors of a method that are shown beside their means: eight repeats.
 const MOST_DOTS: usize = 8 * 21;
-
-/// A rectangle of the drawing.
-#[derive(Clone, Copy)]
-struct Area {
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
-}
 
 /// Writes `r-x.svg`, `r-x.png` and so on, and `overview.svg`, `overview.png`.
 pub(crate) fn write(folder: &Path, report: &ExperimentReport) -> anyhow::Result<()> {
-    let both = |name: &str, drawing: &Drawing| -> anyhow::Result<()> {
-        write_whole(&folder.join(format!("{name}.svg")), drawing.svg().as_bytes())?;
-        write_whole(&folder.join(format!("{name}.png")), &drawing.png()?)
+    let both = |name: &str, sheet: &Sheet| -> anyhow::Result<()> {
+        write_whole(&folder.join(format!("{name}.svg")), sheet.svg().as_bytes())?;
+        write_whole(&folder.join(format!("{name}.png")), &sheet.png()?)
     };
     for (at, run) in report.runs.iter().enumerate() {
         let (axis, _) = axis_and_unit(run);
-        both(&axis.to_lowercase().replace(' ', "-"), &plot(report, at))?;
+        both(&axis.to_lowercase().replace(' ', "-"), &plot(report, at)?)?;
     }
-    both("overview", &overview(report))
+    both("overview", &overview(report)?)
 }
 
 /// `R x (deg)` is the axis `R x` in `deg`.
@@ -64,7 +73,7 @@ fn axis_and_unit(run: &str) -> (&str, &str) {
 }
 
 /// A description of the arm's movement.
-fn deed(axis: &str) -> String {
+fn movement(axis: &str) -> String {
     let (kind, letter) = axis.split_once(' ').unwrap_or(("", axis));
     let letter = letter.to_uppercase();
     if kind == "R" {
@@ -82,108 +91,112 @@ fn setting(report: &ExperimentReport) -> String {
     )
 }
 
-fn plot(report: &ExperimentReport, run: usize) -> Drawing {
+fn plot(report: &ExperimentReport, run: usize) -> Result<Sheet, PlotError> {
     let (axis, unit) = axis_and_unit(report.runs[run]);
-    let title = format!("{axis}: {}", deed(axis));
-    let mut drawing = Drawing::new([1240, 470], &title);
-    drawing.text([24.0, 34.0], Anchor::Start, TITLE, INK, &title);
-    drawing.text([24.0, 56.0], Anchor::Start, SMALL, PALE, &setting(report));
-    errors(&mut drawing, report, run, Area { left: 76.0, right: 600.0, top: 104.0, bottom: 408.0 });
-    drawing.text(
-        [640.0, 88.0],
-        Anchor::Start,
-        TEXT,
-        INK,
-        &format!("mean error (standard deviation), {unit}"),
-    );
-    comparison(&mut drawing, report, run, Area { left: 640.0, right: 1220.0, top: 104.0, bottom: 330.0 });
-    note(&mut drawing, [640.0, 384.0]);
-    drawing.line(&[[640.0, 404.0], [670.0, 404.0]], PUBLISHED);
+    let title = format!("{axis}: {}", movement(axis));
+    let sheet = Sheet::new([2480, 940], &title);
+    let area = sheet.clone().into_drawing_area();
+    Label::new(&title, TITLE, INK).draw(&area, [48, 56])?;
+    Label::new(&setting(report), SMALL, PALE).draw(&area, [48, 104])?;
+    let (left, right) = area.split_horizontally(1240);
+    errors(&left, report, run)?;
+    let heading = format!("mean error (standard deviation), {unit}");
+    Label::new(&heading, TEXT, INK).draw(&right, [40, 168])?;
+    comparison(&right.margin(200, 260, 40, 40), report, run)?;
+    note(&right, [40, 760])?;
+    sample(&right, [40, 808], PUBLISHED)?;
     let text = "on the left: the published mean error, to either side of zero";
-    drawing.text([680.0, 408.0], Anchor::Start, SMALL, PALE, text);
-    drawing
+    Label::new(text, SMALL, PALE).draw(&right, [120, 808])?;
+    Ok(sheet)
 }
 
-fn overview(report: &ExperimentReport) -> Drawing {
-    const PANEL: f64 = 206.0;
+fn overview(report: &ExperimentReport) -> Result<Sheet, PlotError> {
+    const PANEL: i32 = 412;
     let title = "Robot-arm experiment: the published errors (2009) and ours";
-    let mut drawing = Drawing::new([680, 1150], title);
-    drawing.text([24.0, 34.0], Anchor::Start, TITLE, INK, title);
-    // The line is longer than this drawing is wide.
+    let height = 208 + PANEL * report.runs.len() as i32 + 32;
+    let sheet = Sheet::new([1360, height as u32], title);
+    let area = sheet.clone().into_drawing_area();
+    Label::new(title, TITLE, INK).draw(&area, [48, 56])?;
+    // The line is longer than this sheet is wide.
     let setting = setting(report);
     let (first, second) = setting.split_once(", f = ").unwrap_or((&setting, ""));
-    drawing.text([24.0, 56.0], Anchor::Start, SMALL, PALE, first);
-    drawing.text([24.0, 74.0], Anchor::Start, SMALL, PALE, &format!("f = {second}"));
+    Label::new(first, SMALL, PALE).draw(&area, [48, 104])?;
+    Label::new(&format!("f = {second}"), SMALL, PALE).draw(&area, [48, 140])?;
     for (at, run) in report.runs.iter().enumerate() {
         let (axis, unit) = axis_and_unit(run);
-        let top = 104.0 + at as f64 * PANEL;
-        drawing.text(
-            [24.0, top],
-            Anchor::Start,
-            TEXT,
-            INK,
-            &format!("{axis}: {}; mean error (standard deviation), {unit}", deed(axis)),
-        );
-        comparison(
-            &mut drawing,
-            report,
-            at,
-            Area { left: 24.0, right: 656.0, top: top + 8.0, bottom: top + 158.0 },
-        );
+        let top = 200 + at as i32 * PANEL;
+        let heading = format!("{axis}: {}; mean error (standard deviation), {unit}", movement(axis));
+        Label::new(&heading, TEXT, INK).draw(&area, [48, top])?;
+        comparison(&area.margin(top + 20, height - top - 360, 48, 48), report, at)?;
     }
-    note(&mut drawing, [24.0, 1132.0]);
-    drawing
+    note(&area, [48, height - 36])?;
+    Ok(sheet)
 }
 
-fn note(drawing: &mut Drawing, [x, y]: [f64; 2]) {
-    drawing.line(&[[x + 3.0, y - 11.0], [x + 3.0, y + 1.0]], Pen::solid(INK, 2.0));
+fn note(area: &Area, [x, y]: [i32; 2]) -> Result<(), PlotError> {
+    area.draw(&PathElement::new([(x + 6, y - 14), (x + 6, y + 14)], pen(INK, 4)))?;
     let text = "the run's Cramér-Rao bound on the rms error (a mean is about 0.8 of its rms)";
-    drawing.text([x + 14.0, y], Anchor::Start, SMALL, PALE, text);
+    Label::new(text, SMALL, PALE).draw(area, [x + 28, y])
+}
+
+/// A sample of a method's line, 60 dots long.
+fn sample(area: &Area, [x, y]: [i32; 2], of: Pen) -> Result<(), PlotError> {
+    let (style, ends) = (pen(of.color, of.width), [x, x + 60]);
+    let Some([dash, gap]) = of.dash else {
+        return area.draw(&PathElement::new(ends.map(|x| (x, y)), style));
+    };
+    let starts = (ends[0]..ends[1]).step_by((dash + gap) as usize);
+    starts
+        .map(|start| [(start, y), ((start + dash).min(ends[1]), y)])
+        .try_for_each(|dash| area.draw(&PathElement::new(dash, style)))
 }
 
 /// Errors over the commanded position.
-fn errors(drawing: &mut Drawing, report: &ExperimentReport, run: usize, area: Area) {
+fn errors(area: &Area, report: &ExperimentReport, run: usize) -> Result<(), PlotError> {
     let (axis, unit) = axis_and_unit(report.runs[run]);
     let published = report.paper_mean[run];
     let points = || report.ways.iter().flat_map(|way| &way.outcomes[run].points);
     let reach = points().map(|point| point.truth.abs()).fold(1e-3, f64::max) * 1.04;
     let height = points().map(|point| point.error.abs()).fold(published, f64::max) * 1.12;
-    let x = |value: f64| area.left + (value / reach + 1.0) / 2.0 * (area.right - area.left);
-    let y = |value: f64| area.top + (1.0 - value / height) / 2.0 * (area.bottom - area.top);
-    for (values, is_x) in [(ticks(-reach, reach, 8.0), true), (ticks(-height, height, 8.0), false)] {
-        let step = values.get(1).map_or(1.0, |second| second - values[0]);
-        for value in &values {
-            let shown = if *value == 0.0 { "0".to_owned() } else { number(*value, step) };
-            let pen = Pen::solid(if *value == 0.0 { PALE } else { GRID }, 1.0);
-            if is_x {
-                drawing.line(&[[x(*value), area.top], [x(*value), area.bottom]], pen);
-                drawing.text([x(*value), area.bottom + 18.0], Anchor::Middle, SMALL, INK, &shown);
-            } else {
-                drawing.line(&[[area.left, y(*value)], [area.right, y(*value)]], pen);
-                drawing.text([area.left - 8.0, y(*value) + 4.0], Anchor::End, SMALL, INK, &shown);
-            }
-        }
-    }
-    let middle = f64::midpoint(area.left, area.right);
-    let commanded = format!("commanded {}, {unit}", deed(axis));
-    drawing.text([middle, area.bottom + 42.0], Anchor::Middle, TEXT, INK, &commanded);
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(208)
+        .margin_right(40)
+        .margin_bottom(30)
+        .y_label_area_size(140)
+        .x_label_area_size(90)
+        .build_cartesian_2d(-reach..reach, -height..height)?;
+    axes(&mut chart, &format!("commanded {}, {unit}", movement(axis)), [9, 9])?;
     let repeats = if report.repeats > 1 { "; lines are means of repeats, dots single stops" } else { "" };
-    let heading = format!("error, {unit}{repeats}");
-    drawing.text([area.left - 52.0, area.top - 16.0], Anchor::Start, TEXT, INK, &heading);
+    Label::new(&format!("error, {unit}{repeats}"), TEXT, INK).draw(area, [48, 168])?;
+    chart.draw_series([PathElement::new([(-reach, 0.0), (reach, 0.0)], pen(PALE, 2))])?;
     for side in [published, -published] {
-        drawing.line(&[[area.left, y(side)], [area.right, y(side)]], PUBLISHED);
+        draw_line(&mut chart, vec![(-reach, side), (reach, side)], PUBLISHED)?;
     }
-    let shown = |point: &PlotPoint| [x(point.truth), y(point.error)];
-    for (way, pen) in report.ways.iter().zip(PENS) {
-        let points = &way.outcomes[run].points;
-        if report.repeats > 1 {
-            points.iter().take(MOST_DOTS).for_each(|point| drawing.dot(shown(point), 1.0, pen.color));
+    let place = |point: &PlotPoint| (point.truth, point.error);
+    if report.repeats > 1 {
+        for (way, of) in report.ways.iter().zip(PENS) {
+            let single = way.outcomes[run].points.iter().take(MOST_DOTS);
+            chart.draw_series(single.map(|point| Circle::new(place(point), 2, of.color.filled())))?;
         }
     }
-    for (way, pen) in report.ways.iter().zip(PENS) {
-        let line: Vec<_> = means_of_stops(&way.outcomes[run].points).iter().map(shown).collect();
-        drawing.line(&line, pen);
-        line.iter().for_each(|at| drawing.dot(*at, pen.width / 2.0 + 1.4, pen.color));
+    for (way, of) in report.ways.iter().zip(PENS) {
+        let means: Vec<_> = means_of_stops(&way.outcomes[run].points).iter().map(place).collect();
+        draw_line(&mut chart, means.clone(), of)?;
+        let radius = of.width as i32 / 2 + 3;
+        chart.draw_series(means.into_iter().map(|at| Circle::new(at, radius, of.color.filled())))?;
+    }
+    Ok(())
+}
+
+fn draw_line(
+    chart: &mut Chart<'_, RangedCoordf64>,
+    points: Vec<(f64, f64)>,
+    of: Pen,
+) -> Result<(), PlotError> {
+    let style = pen(of.color, of.width);
+    match of.dash {
+        Some(dash) => chart.draw_series([dashed(points, dash, style)]).map(drop),
+        None => chart.draw_series([PathElement::new(points, style)]).map(drop),
     }
 }
 
@@ -203,49 +216,54 @@ fn means_of_stops(points: &[PlotPoint]) -> Vec<PlotPoint> {
         .collect()
 }
 
+/// A row of the comparison of methods.
+struct Row<'a> {
+    name: &'a str,
+    mean: f64,
+    deviation: f64,
+    /// The Cramér-Rao bound; the published values have none.
+    bound: Option<f64>,
+    pen: Pen,
+}
+
 /// Mean errors: a row for the published values and one for each method, with name, mean and
 /// standard deviation.
-fn comparison(drawing: &mut Drawing, report: &ExperimentReport, run: usize, area: Area) {
-    let mut rows =
-        vec![("published (2009)", report.paper_mean[run], report.paper_deviation[run], None, PUBLISHED)];
+fn comparison(area: &Area, report: &ExperimentReport, run: usize) -> Result<(), PlotError> {
+    let (mean, deviation) = (report.paper_mean[run], report.paper_deviation[run]);
+    let mut rows = vec![Row { name: "published (2009)", mean, deviation, bound: None, pen: PUBLISHED }];
     for (way, pen) in report.ways.iter().zip(PENS) {
         let outcome = &way.outcomes[run];
-        rows.push((way.way, outcome.mean, outcome.deviation, Some(outcome.bound), pen));
+        let (mean, deviation) = (outcome.mean, outcome.deviation);
+        rows.push(Row { name: way.way, mean, deviation, bound: Some(outcome.bound), pen });
     }
-    let (plot_left, plot_right) = (area.left + 226.0, area.right - 118.0);
-    let values = || rows.iter().flat_map(|row| [Some(row.1), row.3]).flatten().filter(|value| *value > 0.0);
-    let low = values().fold(f64::INFINITY, f64::min).log10().floor();
-    let high = values().fold(0.0, f64::max).log10().ceil().max(low + 1.0);
-    let x = |value: f64| {
-        plot_left + (value.max(1e-12).log10() - low).max(0.0) / (high - low) * (plot_right - plot_left)
-    };
-    let height = (area.bottom - area.top) / rows.len() as f64;
-    for decade in low as i32..=high as i32 {
-        for part in 1..=9 {
-            let value = f64::from(part) * 10_f64.powi(decade);
-            if x(value) <= plot_right + 0.5 {
-                let color = if part == 1 { [0xb5; 3] } else { [0xec; 3] };
-                drawing.line(&[[x(value), area.top], [x(value), area.bottom]], Pen::solid(color, 1.0));
-            }
-        }
-        let (value, below) = (10_f64.powi(decade), area.bottom + 16.0);
-        drawing.text([x(value), below], Anchor::Middle, SMALL, INK, &number(value, value));
-    }
-    for (at, (name, mean, deviation, bound, pen)) in rows.into_iter().enumerate() {
-        let middle = area.top + (at as f64 + 0.5) * height;
-        drawing.line(&[[area.left, middle], [area.left + 30.0, middle]], pen);
+    let values = || rows.iter().flat_map(|row| [Some(row.mean), row.bound]).flatten().filter(|v| *v > 0.0);
+    let low = 10_f64.powf(values().fold(f64::INFINITY, f64::min).log10().floor());
+    let high = 10_f64.powf(values().fold(0.0, f64::max).log10().ceil()).max(low * 10.0);
+    let mut chart = ChartBuilder::on(area)
+        .y_label_area_size(452)
+        .margin_right(236)
+        .x_label_area_size(50)
+        .build_cartesian_2d((low * 0.999..high * 1.001).log_scale(), rows.len() as f64..0.0)?;
+    axes(&mut chart, "", [10, 0])?;
+    let right = area.dim_in_pixel().0 as i32;
+    for (at, Row { name, mean, deviation, bound, pen: of }) in rows.into_iter().enumerate() {
+        let middle = at as f64 + 0.5;
+        let y = chart.backend_coord(&(low, middle)).1 - area.get_base_pixel().1;
+        sample(area, [0, y], of)?;
         if bound.is_some() {
-            drawing.dot([area.left + 15.0, middle], pen.width / 2.0 + 1.4, pen.color);
+            area.draw(&Circle::new((30, y), of.width as i32 / 2 + 3, of.color.filled()))?;
         }
-        drawing.text([area.left + 40.0, middle + TEXT / 2.0], Anchor::Start, TEXT, INK, name);
-        drawing.line(&[[plot_left, middle], [x(mean), middle]], Pen::solid(pen.color, 2.0));
-        drawing.dot([x(mean), middle], 5.0, pen.color);
+        Label::new(name, TEXT, INK).draw(area, [80, y])?;
+        chart.draw_series([PathElement::new([(low, middle), (mean, middle)], pen(of.color, 4))])?;
+        chart.draw_series([Circle::new((mean, middle), 10, of.color.filled())])?;
         if let Some(bound) = bound.filter(|bound| *bound > 0.0) {
-            drawing.line(&[[x(bound), middle - 6.0], [x(bound), middle + 6.0]], Pen::solid(INK, 2.0));
+            let upright = [-0.25, 0.25].map(|side| (bound, middle + side));
+            chart.draw_series([PathElement::new(upright, pen(INK, 4))])?;
         }
         let text = format!("{mean:.3} ({deviation:.3})");
-        drawing.text([area.right, middle + TEXT / 2.0], Anchor::End, TEXT, INK, &text);
+        Label::new(&text, TEXT, INK).anchored(HPos::Right).draw(area, [right, y])?;
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -262,8 +280,11 @@ mod tests {
     }
 
     #[test]
-    fn a_run_has_its_axis_unit_and_deed() {
+    fn a_run_names_its_axis_unit_and_movement() {
         assert_eq!(axis_and_unit("T z (cm)"), ("T z", "cm"));
-        assert_eq!([deed("R x"), deed("T z")], ["turn about the sensor's X", "shift along the beacon's Z"]);
+        assert_eq!(
+            [movement("R x"), movement("T z")],
+            ["turn about the sensor's X", "shift along the beacon's Z"]
+        );
     }
 }

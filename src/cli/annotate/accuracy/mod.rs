@@ -90,9 +90,9 @@ pub(super) fn run(arguments: &AccuracyArguments) -> anyhow::Result<ExitCode> {
     let report = measure_accuracy(&settings, &phantom, &mut renderer)?;
     if let Some(folder) = &arguments.out {
         std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        let drawing = plot::draw(&report);
-        write_whole(&folder.join("accuracy.svg"), drawing.svg().as_bytes())?;
-        write_whole(&folder.join("accuracy.png"), &drawing.png()?)?;
+        let sheet = plot::draw(&report)?;
+        write_whole(&folder.join("accuracy.svg"), sheet.svg().as_bytes())?;
+        write_whole(&folder.join("accuracy.png"), &sheet.png()?)?;
     }
     if arguments.json {
         print_json(&report)?;

@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::plots;
-use super::svg::{Svg, minus};
+use crate::plot::{PlotError, minus};
 use relief_study::{Agreement, Comparison, ErrorSummary, Figure, Missing, Pairing, ReadingErrors, Relation};
 
 const STYLE: &str = include_str!("style.css");
@@ -11,8 +11,11 @@ const STYLE: &str = include_str!("style.css");
 const MOST_PLOTS: usize = 15;
 
 /// The whole page.
-pub(super) fn page(comparison: &Comparison) -> String {
-    html! {
+///
+/// # Errors
+/// If a plot cannot be drawn.
+pub(super) fn page(comparison: &Comparison) -> Result<String, PlotError> {
+    let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
@@ -25,20 +28,20 @@ pub(super) fn page(comparison: &Comparison) -> String {
                 main {
                     (heading(comparison))
                     @if comparison.all.is_some() {
-                        (set_errors(comparison))
-                        (error_directions(comparison))
-                        (landmark_errors(comparison))
+                        (set_errors(comparison)?)
+                        (error_directions(comparison)?)
+                        (landmark_errors(comparison)?)
                     }
                     @if !comparison.measures.is_empty() { (measures(comparison)) }
                     @if !comparison.agreements.is_empty() { (correlations(comparison)) }
-                    @if !comparison.pairings.is_empty() { (limits(comparison)) }
+                    @if !comparison.pairings.is_empty() { (limits(comparison)?) }
                     @if !comparison.missing.is_empty() { (missing(comparison)) }
                     (notes(comparison))
                 }
             }
         }
-    }
-    .into_string()
+    };
+    Ok(page.into_string())
 }
 
 /// A number in the heading of the page.
@@ -190,14 +193,14 @@ fn error_row(name: String, errors: Option<&ErrorSummary>, unknown: &str) -> Vec<
     row
 }
 
-fn set_errors(comparison: &Comparison) -> Markup {
+fn set_errors(comparison: &Comparison) -> Result<Markup, PlotError> {
     const UNKNOWN: &str = "no landmark with a reference";
     let row =
         |name: &str, errors: &Option<ErrorSummary>| error_row(name.to_owned(), errors.as_ref(), UNKNOWN);
     let sets = comparison.errors.iter().map(|of| row(&of.set, &of.errors));
     let all = (comparison.errors.len() > 1).then(|| row("all", &comparison.all));
     let heading: Vec<&str> = ["set"].into_iter().chain(SUMMARY).collect();
-    html! {
+    Ok(html! {
         section {
             h2 { "Errors of the sets" }
             p {
@@ -205,29 +208,24 @@ fn set_errors(comparison: &Comparison) -> Markup {
                 "95th percentile. Bias and standard deviation are along the patient's axes: L to the left, P to the "
                 "back, S to the head."
             }
-            (plots::by_set(comparison))
+            (plots::by_set(comparison)?)
             (table(&heading, 1, sets.chain(all)))
         }
-    }
+    })
 }
 
 /// The mark of each set in the plots.
 fn legend(comparison: &Comparison) -> Markup {
-    let mark = |at: usize, set: &str| {
-        let mut mark = Svg::new([14.0, 14.0]);
-        mark.mark(at, [7.0, 7.0], "");
-        mark.finish(set)
-    };
     html! {
         ul.key {
             @for (at, reading) in comparison.readings.iter().enumerate() {
-                li { (mark(at, &reading.set)) (reading.set) }
+                li { (plots::key(at, &reading.set)) (reading.set) }
             }
         }
     }
 }
 
-fn error_directions(comparison: &Comparison) -> Markup {
+fn error_directions(comparison: &Comparison) -> Result<Markup, PlotError> {
     let row = |of: &ReadingErrors| {
         let ellipsoid = of.ellipsoid?;
         let mut row = vec![Cell::Text(of.set.clone())];
@@ -240,7 +238,7 @@ fn error_directions(comparison: &Comparison) -> Markup {
         Some(row)
     };
     let rows: Vec<_> = comparison.errors.iter().filter_map(row).collect();
-    html! {
+    Ok(html! {
         section {
             h2 { "Errors from three sides" }
             p {
@@ -248,23 +246,23 @@ fn error_directions(comparison: &Comparison) -> Markup {
                 "of a set's further errors if these are normally distributed. It needs four errors."
             }
             (legend(comparison))
-            (plots::from_three_sides(comparison))
+            (plots::from_three_sides(comparison)?)
             @if !rows.is_empty() {
                 h3 { "Semi-axes of the ellipsoids, mm, with their directions (L, P, S)" }
                 (table(&["set", "longest", "middle", "shortest"], 1, rows))
             }
         }
-    }
+    })
 }
 
-fn landmark_errors(comparison: &Comparison) -> Markup {
-    let (plot, left_out) = plots::by_landmark(comparison);
+fn landmark_errors(comparison: &Comparison) -> Result<Markup, PlotError> {
+    let (plot, left_out) = plots::by_landmark(comparison)?;
     let rows = comparison.landmarks.iter().map(|landmark| {
         let name = plots::label_of(comparison, landmark);
         error_row(name, landmark.errors.as_ref(), "placed by one set only")
     });
     let heading: Vec<&str> = ["landmark"].into_iter().chain(SUMMARY).collect();
-    html! {
+    Ok(html! {
         section {
             h2 { "Errors of the landmarks" }
             (legend(comparison))
@@ -276,7 +274,7 @@ fn landmark_errors(comparison: &Comparison) -> Markup {
             }
             (table(&heading, 1, rows))
         }
-    }
+    })
 }
 
 fn measures(comparison: &Comparison) -> Markup {
@@ -356,18 +354,18 @@ impl<'a> SetPair<'a> {
 }
 
 /// The plots of a pair: coordinates side by side, other quantities three in a row.
-fn pair_plots(comparison: &Comparison, pair: SetPair<'_>) -> Markup {
+fn pair_plots(comparison: &Comparison, pair: SetPair<'_>) -> Result<Markup, PlotError> {
     let (points, others): (Vec<&Pairing>, Vec<&Pairing>) = comparison
         .pairings
         .iter()
         .filter(|pairing| SetPair::of(pairing) == pair && !pairing.points.is_empty())
         .partition(|pairing| matches!(pairing.quantity, "L" | "P" | "S"));
-    html! {
+    Ok(html! {
         h3 { (pair.first) " minus " (pair.second) }
         @if points.is_empty() && others.is_empty() { p.note { "These sets have no common item." } }
-        @if !points.is_empty() { (plots::limits(&points)) }
-        @for row in others.chunks(3) { (plots::limits(row)) }
-    }
+        @if !points.is_empty() { (plots::limits(&points)?) }
+        @for row in others.chunks(3) { (plots::limits(row)?) }
+    })
 }
 
 fn limits_row(of: &Pairing) -> Vec<Cell> {
@@ -389,7 +387,7 @@ fn limits_row(of: &Pairing) -> Vec<Cell> {
     row
 }
 
-fn limits(comparison: &Comparison) -> Markup {
+fn limits(comparison: &Comparison) -> Result<Markup, PlotError> {
     let mut pairs: Vec<SetPair<'_>> = Vec::new();
     for pair in comparison.pairings.iter().map(SetPair::of) {
         if !pairs.contains(&pair) {
@@ -408,18 +406,18 @@ fn limits(comparison: &Comparison) -> Markup {
         "lower limit, 95 %",
         "upper limit, 95 %",
     ];
-    html! {
+    Ok(html! {
         section {
             h2 { "Limits of agreement" }
             p {
                 "Bland and Altman: differences over means. The line is the bias. The dashed lines are the limits between "
                 "which 95 % of the differences lie. The bands are 95 % confidence intervals."
             }
-            @for pair in pairs.iter().take(MOST_PLOTS) { (pair_plots(comparison, *pair)) }
+            @for pair in pairs.iter().take(MOST_PLOTS) { (pair_plots(comparison, *pair)?) }
             @if left_out > 0 { p.note { "The table has " (left_out) " more pairs." } }
             (table(&heading, 2, comparison.pairings.iter().map(limits_row)))
         }
-    }
+    })
 }
 
 fn missing(comparison: &Comparison) -> Markup {
@@ -454,6 +452,24 @@ fn notes(comparison: &Comparison) -> Markup {
                 "ICC(2,1): Shrout and Fleiss 1979, McGraw and Wong 1996 (F method). Limits of agreement: Bland and Altman "
                 "1999. Ellipsoids: Chew 1966. Percentiles: interpolated between neighbours. Between readers, the first set "
                 "of each is compared; within a reader, all sets."
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::STYLE;
+    use crate::plot::{INK, PALE, PAPER, RULE, SERIES, STRIPE, WARN};
+
+    /// A colour without a rule would stay as it is by night.
+    #[test]
+    fn the_style_sheet_replaces_every_colour_of_plots() {
+        for color in [INK, PALE, RULE, STRIPE, PAPER, WARN].into_iter().chain(SERIES) {
+            let color = format!("#{:02x}{:02x}{:02x}", color.0, color.1, color.2);
+            for property in ["fill", "stroke"] {
+                let rule = format!("[{property}=\"{color}\"] {{ {property}: var(--");
+                assert!(STYLE.contains(&rule), "{rule}");
             }
         }
     }

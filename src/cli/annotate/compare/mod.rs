@@ -3,7 +3,6 @@
 mod csv_files;
 mod html;
 mod plots;
-mod svg;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -63,7 +62,7 @@ pub(super) fn run(arguments: &CompareArguments, log: &LogArguments) -> anyhow::R
         for (name, bytes) in csv_files::files(&comparison)? {
             write_whole(&folder.join(name), &bytes)?;
         }
-        write_whole(&folder.join("report.html"), html::page(&comparison).as_bytes())?;
+        write_whole(&folder.join("report.html"), html::page(&comparison)?.as_bytes())?;
     }
     if arguments.json {
         print_json(&comparison)?;

@@ -2,11 +2,21 @@
 //! agreement.
 
 use maud::Markup;
+use plotters::chart::ChartBuilder;
+use plotters::coord::types::RangedCoordf64;
+use plotters::element::{EmptyElement, PathElement, Polygon, Rectangle};
+use plotters::prelude::IntoDrawingArea;
+use plotters::style::Color;
+use plotters::style::text_anchor::HPos;
 
-use super::svg::{Anchor, Panel, SERIES, Svg, about_zero, around, minus, shortened};
-use relief_study::{Comparison, Ellipsoid, Landmark, Pairing};
+use crate::plot::{
+    Area, Chart, INK, Label, Mark, PALE, PlotError, SERIES, SMALL, Sheet, TEXT, WARN, axes, dashed, jitter,
+    minus, pen, stripes,
+};
+use relief_study::{BlandAltman, Comparison, Ellipsoid, Landmark, Pairing};
 
-const WIDTH: f64 = 1000.0;
+/// Width of a plot, dots.
+const WIDTH: u32 = 2000;
 /// Most rows of the plot by landmark: those with the greatest errors are shown.
 const MOST_ROWS: usize = 60;
 
@@ -20,45 +30,73 @@ pub(super) fn label_of(comparison: &Comparison, landmark: &Landmark) -> String {
     label(comparison.cases > 1, landmark.case, &landmark.list, &landmark.name)
 }
 
-fn distances(comparison: &Comparison) -> impl Iterator<Item = f64> {
-    comparison.landmarks.iter().flat_map(|l| &l.placed).flatten().filter_map(|placed| placed.distance_mm)
+/// The mark of a set, for the legend.
+pub(super) fn key(set: usize, name: &str) -> Markup {
+    let sheet = Sheet::new([28, 28], name);
+    sheet.mark(set, [14.0, 14.0], "");
+    sheet.element()
+}
+
+/// The greatest error and some room, mm.
+fn reach(comparison: &Comparison) -> f64 {
+    let placed = comparison.landmarks.iter().flat_map(|landmark| &landmark.placed).flatten();
+    placed.filter_map(|placed| placed.distance_mm).fold(0.0, f64::max).max(1e-3) * 1.05
+}
+
+/// A chart of errors whose rows have names beside them.
+struct Rows {
+    sheet: Sheet,
+    area: Area,
+    chart: Chart<'static, RangedCoordf64>,
+}
+
+impl Rows {
+    /// Heights and widths are dots.
+    fn new(title: &str, count: usize, height: u32, names: u32, reach: f64) -> Result<Self, PlotError> {
+        let sheet = Sheet::new([WIDTH, 110 + height * count as u32], title);
+        let area = sheet.clone().into_drawing_area();
+        let mut chart = ChartBuilder::on(&area)
+            .margin_top(20)
+            .margin_right(40)
+            .y_label_area_size(names)
+            .x_label_area_size(90)
+            .build_cartesian_2d(0.0..reach, count as f64..0.0)?;
+        stripes(&mut chart, count)?;
+        axes(&mut chart, "error, mm", [16, 0])?;
+        Ok(Self { sheet, area, chart })
+    }
+
+    /// The height of a row's middle on the sheet, dots.
+    fn middle(&self, row: usize) -> i32 {
+        self.chart.backend_coord(&(0.0, row as f64 + 0.5)).1
+    }
 }
 
 /// Lengths of the errors: a row for each set, with its median and 95th percentile.
-pub(super) fn by_set(comparison: &Comparison) -> Markup {
-    const ROW: f64 = 46.0;
-    let sets = comparison.readings.len();
-    let bottom = 16.0 + ROW * sets as f64;
-    let mut svg = Svg::new([WIDTH, bottom + 46.0]);
-    let reach = distances(comparison).fold(0.0, f64::max).max(1e-3) * 1.05;
-    let panel = Panel { area: [170.0, 16.0, WIDTH - 20.0, bottom], x: [0.0, reach], y: [sets as f64, 0.0] };
-    rows(&mut svg, &panel, sets);
+pub(super) fn by_set(comparison: &Comparison) -> Result<Markup, PlotError> {
+    let title = "Lengths of the errors of each set, with median and 95th percentile";
+    let mut rows = Rows::new(title, comparison.readings.len(), 92, 340, reach(comparison))?;
     for (at, reading) in comparison.readings.iter().enumerate() {
-        let middle = panel.place([0.0, at as f64 + 0.5])[1];
-        svg.mark(at, [18.0, middle], "");
-        svg.text("name", [32.0, middle + 4.0], Anchor::Start, &shortened(&reading.set, 19));
+        let (middle, y) = (at as f64 + 0.5, rows.middle(at));
+        rows.sheet.mark(at, [36.0, f64::from(y)], "");
+        Label::new(&shortened(&reading.set, 19), TEXT, INK).draw(&rows.area, [64, y])?;
         if let Some(errors) = &comparison.errors[at].errors {
-            for (value, class) in [(errors.median_mm, "median"), (errors.p95_mm, "p95")] {
-                let x = panel.place([value, 0.0])[0];
-                svg.line(class, &[[x, middle - 17.0], [x, middle + 17.0]]);
-            }
+            let upright = |value: f64| [-0.37, 0.37].map(|side| (value, middle + side)).to_vec();
+            rows.chart.draw_series([PathElement::new(upright(errors.median_mm), pen(INK, 5))])?;
+            rows.chart.draw_series([dashed(upright(errors.p95_mm), [6, 6], pen(INK, 3))])?;
         }
-        for (row, landmark) in comparison.landmarks.iter().enumerate() {
-            let Some(distance) = landmark.placed[at].and_then(|placed| placed.distance_mm) else { continue };
-            // Spread over the row's height, the same way every time, so that equal errors do not
-            // hide each other.
-            let shift = (row as f64 * 0.618_034).fract() - 0.5;
-            let place = [panel.place([distance, 0.0])[0], middle + 22.0 * shift];
-            svg.mark(at, place, &format!("{}: {distance:.2} mm", label_of(comparison, landmark)));
-        }
+        rows.chart.draw_series(comparison.landmarks.iter().enumerate().filter_map(|(row, landmark)| {
+            let distance = landmark.placed[at]?.distance_mm?;
+            let title = format!("{}: {distance:.2} mm", label_of(comparison, landmark));
+            Some(Mark { at: (distance, middle + 0.48 * jitter(row)), series: at, title })
+        }))?;
     }
-    svg.finish("Lengths of the errors of each set, with median and 95th percentile")
+    Ok(rows.sheet.element())
 }
 
 /// Lengths of the errors: a row for each landmark. Of many, those with the greatest mean error;
-/// says how many are left out.
-pub(super) fn by_landmark(comparison: &Comparison) -> (Markup, usize) {
-    const ROW: f64 = 20.0;
+/// returns the number of those left out.
+pub(super) fn by_landmark(comparison: &Comparison) -> Result<(Markup, usize), PlotError> {
     let mut shown: Vec<&Landmark> = comparison.landmarks.iter().filter(|l| l.errors.is_some()).collect();
     let all = shown.len();
     if all > MOST_ROWS {
@@ -66,47 +104,59 @@ pub(super) fn by_landmark(comparison: &Comparison) -> (Markup, usize) {
         shown.sort_by(|a, b| mean(b).total_cmp(&mean(a)));
         shown.truncate(MOST_ROWS);
     }
-    let bottom = 12.0 + ROW * shown.len() as f64;
-    let mut svg = Svg::new([WIDTH, bottom + 46.0]);
-    let reach = distances(comparison).fold(0.0, f64::max).max(1e-3) * 1.05;
-    let panel =
-        Panel { area: [230.0, 12.0, WIDTH - 20.0, bottom], x: [0.0, reach], y: [shown.len() as f64, 0.0] };
-    rows(&mut svg, &panel, shown.len());
+    let title = "Lengths of the errors of each landmark";
+    let mut rows = Rows::new(title, shown.len(), 40, 460, reach(comparison))?;
     for (row, landmark) in shown.iter().enumerate() {
-        let middle = panel.place([0.0, row as f64 + 0.5])[1];
+        let middle = row as f64 + 0.5;
         let name = label_of(comparison, landmark);
-        svg.text("name", [220.0, middle + 4.0], Anchor::End, &shortened(&name, 30));
-        let placed: Vec<(usize, f64)> = landmark
+        let label = shortened(&name, 30);
+        Label::new(&label, TEXT, INK).anchored(HPos::Right).draw(&rows.area, [440, rows.middle(row)])?;
+        let marks: Vec<Mark> = landmark
             .placed
             .iter()
             .enumerate()
-            .filter_map(|(at, placed)| Some((at, placed.as_ref()?.distance_mm?)))
+            .filter_map(|(at, placed)| {
+                let distance = placed.as_ref()?.distance_mm?;
+                let title = format!("{}, {name}: {distance:.2} mm", comparison.readings[at].set);
+                Some(Mark { at: (distance, middle), series: at, title })
+            })
             .collect();
-        let [low, high] =
-            placed.iter().fold([f64::INFINITY, 0.0], |[low, high], (_, d)| [d.min(low), d.max(high)]);
-        svg.line("span", &[panel.place([low, row as f64 + 0.5]), panel.place([high, row as f64 + 0.5])]);
-        for (at, distance) in placed {
-            let title = format!("{}, {name}: {distance:.2} mm", comparison.readings[at].set);
-            svg.mark(at, [panel.place([distance, 0.0])[0], middle], &title);
+        let (low, high) = marks
+            .iter()
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), mark| (mark.at.0.min(low), mark.at.0.max(high)));
+        if low <= high {
+            let span = PathElement::new([(low, middle), (high, middle)], PALE.mix(0.6).stroke_width(2));
+            rows.chart.draw_series([span])?;
         }
+        rows.chart.draw_series(marks)?;
     }
-    (svg.finish("Lengths of the errors of each landmark"), all - shown.len())
+    Ok((rows.sheet.element(), all - shown.len()))
 }
 
-/// Ground, stripes for rows, numbers below.
-fn rows(svg: &mut Svg, panel: &Panel, count: usize) {
-    let [left, _, right, _] = panel.area;
-    svg.rectangle("ground", panel.area);
-    for row in (0..count).step_by(2) {
-        let [above, below] = [row, row + 1].map(|row| panel.place([0.0, row as f64])[1]);
-        svg.rectangle("stripe", [left, above, right, below]);
-    }
-    svg.x_axis(panel, "error, mm");
+/// A square or wide chart with both axes, its title on the right above it.
+fn panel(
+    area: &Area,
+    [x, y]: [[f64; 2]; 2],
+    [across, up]: [&str; 2],
+    title: &str,
+) -> Result<Chart<'static, RangedCoordf64>, PlotError> {
+    const LEFT: i32 = 100;
+    const RIGHT: i32 = 110;
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(72)
+        .margin_right(RIGHT)
+        .y_label_area_size(LEFT)
+        .x_label_area_size(90)
+        .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
+    axes(&mut chart, across, [6, 7])?;
+    Label::new(up, TEXT, PALE).draw(area, [LEFT, 48])?;
+    let right = area.dim_in_pixel().0 as i32 - RIGHT;
+    Label { bold: true, ..Label::new(title, TEXT, INK).anchored(HPos::Right) }.draw(area, [right, 48])?;
+    Ok(chart)
 }
 
 /// Errors from above, from the front and from the left, with the ellipses that hold 95 % of them.
-pub(super) fn from_three_sides(comparison: &Comparison) -> Markup {
-    const SIDE: f64 = 262.0;
+pub(super) fn from_three_sides(comparison: &Comparison) -> Result<Markup, PlotError> {
     const VIEWS: [([usize; 2], &str); 3] = [([0, 1], "axial"), ([0, 2], "coronal"), ([1, 2], "sagittal")];
     let errors = |at: usize| {
         comparison
@@ -114,47 +164,47 @@ pub(super) fn from_three_sides(comparison: &Comparison) -> Markup {
             .iter()
             .filter_map(move |landmark| Some((landmark, landmark.placed[at].as_ref()?.error_mm?)))
     };
-    let all = || (0..comparison.readings.len()).flat_map(errors).flat_map(|(_, error)| error);
+    let all = (0..comparison.readings.len()).flat_map(errors).flat_map(|(_, error)| error);
     // The ellipses of few errors are wide: they may leave the panel, the errors may not.
     let wide = comparison.errors.iter().filter_map(|of| of.ellipsoid).map(|e| e.semi_axes_mm[0]);
-    let most = about_zero(all())[1];
+    let most = about_zero(all)[1];
     let reach = about_zero(wide.chain([most]).map(|size| size.min(most * 1.6)))[1];
-    let mut svg = Svg::new([WIDTH, SIDE + 84.0]);
-    for (view, (axes, title)) in VIEWS.into_iter().enumerate() {
-        let left = 60.0 + view as f64 * 330.0;
+    let sheet = Sheet::new([WIDTH, 620], "Errors along the patient's axes, from three sides");
+    let areas = sheet.clone().into_drawing_area().split_evenly((1, VIEWS.len()));
+    for (area, (directions, title)) in areas.iter().zip(VIEWS) {
         // As radiologists look: in the axial view P is down.
-        let down = axes[1] == 1;
-        let y = if down { [reach, -reach] } else { [-reach, reach] };
-        let panel = Panel { area: [left, 36.0, left + SIDE, 36.0 + SIDE], x: [-reach, reach], y };
-        let names = axes.map(|axis| ["L", "P", "S"][axis]);
-        svg.axes(&panel, &format!("{} error, mm", names[0]), &format!("{} error, mm", names[1]));
-        svg.text("caption", [left + SIDE, 28.0], Anchor::End, title);
+        let y = if directions[1] == 1 { [reach, -reach] } else { [-reach, reach] };
+        let names = directions.map(|axis| format!("{} error, mm", ["L", "P", "S"][axis]));
+        let mut chart = panel(area, [[-reach, reach], y], [&names[0], &names[1]], title)?;
         for at in 0..comparison.readings.len() {
+            let color = SERIES[at % SERIES.len()];
             if let Some(ellipsoid) = &comparison.errors[at].ellipsoid {
-                let outline: Vec<_> =
-                    silhouette(ellipsoid, axes).into_iter().map(|p| panel.place(p)).collect();
-                svg.polygon(&format!("ellipse s{}", at % SERIES), &outline);
+                let mut outline = silhouette(ellipsoid, directions);
+                chart.draw_series([Polygon::new(outline.clone(), color.mix(0.06))])?;
+                outline.push(outline[0]);
+                chart.draw_series([PathElement::new(outline, pen(color, 4))])?;
             }
-            for (landmark, error) in errors(at) {
-                let title = format!("{}, {}", comparison.readings[at].set, label_of(comparison, landmark));
-                svg.mark(at, panel.place(axes.map(|axis| error[axis])), &title);
-            }
+            chart.draw_series(errors(at).map(|(landmark, error)| Mark {
+                at: (error[directions[0]], error[directions[1]]),
+                series: at,
+                title: format!("{}, {}", comparison.readings[at].set, label_of(comparison, landmark)),
+            }))?;
         }
-        for at in 0..comparison.readings.len() {
-            if let Some(errors) = &comparison.errors[at].errors {
-                let [x, y] = panel.place(axes.map(|axis| errors.bias_mm[axis]));
-                let class = format!("bias s{}", at % SERIES);
-                svg.line(&class, &[[x - 9.0, y], [x + 9.0, y]]);
-                svg.line(&class, &[[x, y - 9.0], [x, y + 9.0]]);
-            }
-        }
+        let biases = comparison.errors.iter().enumerate().filter_map(|(at, of)| Some((at, of.errors?)));
+        chart.draw_series(biases.map(|(at, errors)| {
+            let [x, y] = directions.map(|axis| errors.bias_mm[axis]);
+            let style = pen(SERIES[at % SERIES.len()], 6);
+            EmptyElement::at((x, y))
+                + PathElement::new([(-18, 0), (18, 0)], style)
+                + PathElement::new([(0, -18), (0, 18)], style)
+        }))?;
     }
-    svg.finish("Errors along the patient's axes, from three sides")
+    Ok(sheet.element())
 }
 
 /// The outline of an ellipsoid along two axes: that of the matrix `sum of (semi axis)^2 direction
 /// direction^T` there.
-fn silhouette(ellipsoid: &Ellipsoid, axes: [usize; 2]) -> Vec<[f64; 2]> {
+fn silhouette(ellipsoid: &Ellipsoid, axes: [usize; 2]) -> Vec<(f64, f64)> {
     const CORNERS: usize = 72;
     let shape = |a: usize, b: usize| -> f64 {
         let of = |(axis, direction): (&f64, &[f64; 3])| axis * axis * direction[a] * direction[b];
@@ -168,58 +218,87 @@ fn silhouette(ellipsoid: &Ellipsoid, axes: [usize; 2]) -> Vec<[f64; 2]> {
     let center = axes.map(|axis| ellipsoid.center_mm[axis]);
     let corner = |at: usize| {
         let (sin, cos) = (at as f64 / CORNERS as f64 * std::f64::consts::TAU).sin_cos();
-        [center[0] + across * cos, center[1] + slant * cos + up * sin]
+        (center[0] + across * cos, center[1] + slant * cos + up * sin)
     };
     (0..CORNERS).map(corner).collect()
 }
 
 /// Differences over means with bias and limits: a panel for each quantity of two sets.
-pub(super) fn limits(pairings: &[&Pairing]) -> Markup {
-    const HEIGHT: f64 = 210.0;
-    let panels = pairings.len().max(1);
-    let mut svg = Svg::new([WIDTH, HEIGHT + 84.0]);
+pub(super) fn limits(pairings: &[&Pairing]) -> Result<Markup, PlotError> {
+    let [first, second] = [pairings.first().map(|p| &*p.first), pairings.first().map(|p| &*p.second)];
+    let title = format!("{} less {}", first.unwrap_or_default(), second.unwrap_or_default());
+    let sheet = Sheet::new([WIDTH, 580], &title);
+    let areas = sheet.clone().into_drawing_area().split_evenly((1, 3));
     // One scale for coordinates, which are seen side by side.
     let one_unit = pairings.iter().all(|pairing| pairing.unit == pairings[0].unit);
     let scale = |of: &[&Pairing]| {
         let limits = of.iter().filter_map(|p| p.limits.known()).flat_map(|limits| limits.limits);
         about_zero(limits.chain(of.iter().flat_map(|p| p.points.iter().map(|point| point[1]))))
     };
-    for (at, pairing) in pairings.iter().enumerate() {
-        let left = 50.0 + at as f64 * 325.0;
+    for (area, pairing) in areas.iter().zip(pairings) {
         let y = if one_unit { scale(pairings) } else { scale(&[pairing]) };
         let x = around(pairing.points.iter().map(|point| point[0]));
-        let right = if panels > 1 { left + 250.0 } else { left + 560.0 };
-        let panel = Panel { area: [left, 36.0, right, 36.0 + HEIGHT], x, y };
         let Pairing { quantity, unit, .. } = pairing;
-        svg.axes(&panel, &format!("mean {quantity}, {unit}"), &format!("{quantity} difference, {unit}"));
+        let [across, up] = [format!("mean {quantity}, {unit}"), format!("{quantity} difference, {unit}")];
+        let mut chart = panel(area, [x, y], [&across, &up], "")?;
         if let Some(limits) = pairing.limits.known() {
-            let band = |ci: [f64; 2]| {
-                let [[left, bottom], [right, top]] =
-                    [[x[0], ci[0]], [x[1], ci[1]]].map(|corner| panel.place(corner));
-                [left, top, right, bottom]
-            };
-            svg.rectangle("limit-band", band(limits.lower_ci95));
-            svg.rectangle("limit-band", band(limits.upper_ci95));
-            svg.rectangle("bias-band", band(limits.bias_ci95));
-            for (value, class) in
-                [(limits.limits[0], "limit"), (limits.limits[1], "limit"), (limits.bias, "mean")]
-            {
-                svg.line(class, &[panel.place([x[0], value]), panel.place([x[1], value])]);
-                let place = panel.place([x[1], value]);
-                svg.text(
-                    "value",
-                    [place[0] + 4.0, place[1] + 4.0],
-                    Anchor::Start,
-                    &minus(&format!("{value:.2}")),
-                );
+            draw_limits(&mut chart, limits, x)?;
+            for value in [limits.limits[0], limits.limits[1], limits.bias] {
+                let (right, height) = chart.backend_coord(&(x[1], value));
+                let (left, top) = area.get_base_pixel();
+                let text = minus(&format!("{value:.2}"));
+                Label::new(&text, SMALL, PALE).draw(area, [right - left + 10, height - top])?;
             }
         }
-        for point in &pairing.points {
-            svg.mark(0, panel.place(*point), "");
-        }
+        chart.draw_series(pairing.points.iter().map(|point| Mark {
+            at: (point[0], point[1]),
+            series: 0,
+            title: String::new(),
+        }))?;
     }
-    let [first, second] = [pairings.first().map(|p| &*p.first), pairings.first().map(|p| &*p.second)];
-    svg.finish(&format!("{} less {}", first.unwrap_or_default(), second.unwrap_or_default()))
+    Ok(sheet.element())
+}
+
+/// Bias and limits of agreement with the bands of their confidence, from one side to the other.
+fn draw_limits(
+    chart: &mut Chart<'_, RangedCoordf64>,
+    of: &BlandAltman,
+    [left, right]: [f64; 2],
+) -> Result<(), PlotError> {
+    let bands = [(of.lower_ci95, WARN), (of.upper_ci95, WARN), (of.bias_ci95, SERIES[0])];
+    chart.draw_series(bands.map(|([low, high], color)| {
+        Rectangle::new([(left, low), (right, high)], color.mix(0.14).filled())
+    }))?;
+    let across = |value: f64| vec![(left, value), (right, value)];
+    chart.draw_series(of.limits.map(|limit| dashed(across(limit), [12, 8], pen(WARN, 3))))?;
+    chart.draw_series([PathElement::new(across(of.bias), pen(INK, 4))])?;
+    Ok(())
+}
+
+/// Limits of an axis around values: with some room, and never of no length.
+fn around(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let [low, high] =
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
+    if low > high {
+        return [-1.0, 1.0];
+    }
+    let room = ((high - low) * 0.06).max(high.abs().max(low.abs()) * 1e-3).max(1e-3);
+    [low - room, high + room]
+}
+
+/// Limits to either side of zero that hold the values.
+fn about_zero(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let most = values.fold(0.0, |most: f64, value| most.max(value.abs()));
+    let most = (most * 1.1).max(1e-3);
+    [-most, most]
+}
+
+/// A name that is not longer than this many letters.
+fn shortened(name: &str, most: usize) -> String {
+    if name.chars().count() <= most {
+        return name.to_owned();
+    }
+    name.chars().take(most - 1).chain(['\u{2026}']).collect()
 }
 
 #[cfg(test)]
@@ -237,15 +316,24 @@ mod tests {
             directions: [[s, 0.0, s], [-s, 0.0, s], [0.0, 1.0, 0.0]],
         };
         let outline = silhouette(&turned, [0, 2]);
-        let most = |axis: usize| outline.iter().map(|point| point[axis]).fold(f64::MIN, f64::max);
         let expected = (0.5_f64 * (16.0 + 4.0)).sqrt();
-        assert!((most(0) - 1.0 - expected).abs() < 0.01 && (most(1) - 3.0 - expected).abs() < 0.01);
+        let right = outline.iter().map(|point| point.0).fold(f64::MIN, f64::max);
+        let top = outline.iter().map(|point| point.1).fold(f64::MIN, f64::max);
+        assert!((right - 1.0 - expected).abs() < 0.01 && (top - 3.0 - expected).abs() < 0.01);
         // Its long axis lies along the diagonal.
-        let farthest = outline.iter().map(|p| (p[0] - 1.0).hypot(p[1] - 3.0)).fold(0.0, f64::max);
+        let farthest = outline.iter().map(|p| (p.0 - 1.0).hypot(p.1 - 3.0)).fold(0.0, f64::max);
         assert!((farthest - 4.0).abs() < 0.01, "{farthest}");
         let ball = Ellipsoid { semi_axes_mm: [2.0; 3], ..turned };
-        assert!(
-            silhouette(&ball, [0, 1]).iter().all(|p| ((p[0] - 1.0).hypot(p[1] - 2.0) - 2.0).abs() < 1e-9)
-        );
+        assert!(silhouette(&ball, [0, 1]).iter().all(|p| ((p.0 - 1.0).hypot(p.1 - 2.0) - 2.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn axes_have_a_length_whatever_the_values() {
+        for values in [&[][..], &[0.0], &[-70.0, -70.0], &[1e-9, 2e-9], &[1.0, 3.0]] {
+            for [low, high] in [around(values.iter().copied()), about_zero(values.iter().copied())] {
+                assert!(low < high && values.iter().all(|v| (low..=high).contains(v)), "{values:?}");
+            }
+        }
+        assert_eq!(shortened("glabella", 5), "glab\u{2026}");
     }
 }
