@@ -274,15 +274,15 @@ fn read_table(table: &Path) -> Result<Vec<Candidate>, PlanError> {
                 return Err(wrong(line, format!("name is {name:?}, allowed: {NAMES}")));
             }
         }
-        let told = |path: String| match PathBuf::from(path) {
+        let named = |path: String| match PathBuf::from(path) {
             path if Location::is_bucket(&path) => path,
             path => folder.join(path),
         };
         places.push(Candidate {
-            path: told(path),
+            path: named(path),
             uid: cell("series_uid"),
             name,
-            labels: cell("labels").map(told),
+            labels: cell("labels").map(named),
         });
     }
     Ok(places)

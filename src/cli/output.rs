@@ -69,7 +69,7 @@ pub(super) fn print_line(line: std::fmt::Arguments<'_>) {
     if let Err(error) = written.and_then(|()| std::io::stdout().flush())
         && error.kind() != ErrorKind::BrokenPipe
     {
-        let _ = STDOUT_FAILURE.set(error); // the first one is told
+        let _ = STDOUT_FAILURE.set(error); // only the first failure is reported
     }
 }
 

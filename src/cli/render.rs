@@ -212,11 +212,11 @@ fn render_passes(
     let bar =
         ProgressBar::new(passes.into()).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.set_message("tracing paths");
-    let mut told = Instant::now();
+    let mut printed = Instant::now();
     let frame = renderer.render_watched(volume, request, &mut |Progress { passes: done, .. }| {
         bar.set_position(done.into());
-        if bar.is_hidden() && told.elapsed() > BETWEEN_LINES {
-            told = Instant::now();
+        if bar.is_hidden() && printed.elapsed() > BETWEEN_LINES {
+            printed = Instant::now();
             tracing::info!("{done} of {passes} passes");
         }
         ControlFlow::Continue(())

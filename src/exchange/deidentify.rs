@@ -1,7 +1,7 @@
 //! Items without people: for files that leave the institution.
 //!
 //! Replaced are authors, frames of reference, times and descriptions. Names of items, sets and lists
-//! stay, because they say what a place is: whoever names an item after a patient has to rename it.
+//! stay, because they name anatomy. An item named after a patient has to be renamed by hand.
 
 use std::collections::HashMap;
 

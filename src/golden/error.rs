@@ -127,7 +127,7 @@ pub enum GoldenError {
     /// Goldens are made on a software adapter.
     #[error(
         "goldens are blessed on a software adapter, this is {adapter}; set RELIEF_ADAPTER=software, \
-         and see `relief doctor` if there is none"
+         and see `relief doctor` if no adapter is found"
     )]
     Adapter {
         /// The adapter in use.

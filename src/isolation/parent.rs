@@ -30,7 +30,7 @@ const SUBCOMMAND: &str = "decode-worker";
 const PATIENCE: Duration = Duration::from_secs(900);
 /// How long a child that closed its socket may take to end.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// How often the parent asks whether anybody still waits for the result.
+/// How often the parent checks whether the caller still waits for the result.
 const TURN: Duration = Duration::from_millis(200);
 /// Largest file of annotations, and all of its contents together.
 const MOST_ANNOTATION_BYTES: u64 = 1 << 30;

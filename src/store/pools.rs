@@ -1,7 +1,7 @@
 //! The connections of a log: one that writes, some that read. They are made anew when a database
 //! stops answering.
 //!
-//! A network may lose a connection without a word: whoever waits for it waits until TCP gives up,
+//! A network may drop a connection silently: a query on it waits until TCP gives up,
 //! a quarter of an hour. Its pool would have no connection left meanwhile.
 
 use std::sync::{Mutex, PoisonError};

@@ -77,7 +77,7 @@ class Key:
         self.seed = checked(bytes([SEED | kind >> 5, (kind & 31) << 3]) + self.key.private_bytes_raw())
 
     def claim(self, subject, name, nats):
-        """A claim about somebody, signed with this key."""
+        """A claim about a user, signed with this key."""
         body = {"jti": name, "iat": 1700000000, "iss": self.name, "name": name, "sub": subject, "nats": {**nats, "version": 2}}
         parts = [{"typ": "JWT", "alg": "ed25519-nkey"}, body]
         text = ".".join(base64.urlsafe_b64encode(json.dumps(part).encode()).decode().rstrip("=") for part in parts)

@@ -120,9 +120,9 @@ fn a_report_of_a_bucket_is_in_the_bucket_and_the_same_as_of_a_folder() {
         let run = ["batch", "report", "--manifest", &manifest, "--out", out, "--turntable", "apng"];
         with_bucket(&bucket, &run)
     };
-    let told = report("s3://views/made");
-    ok(&told);
-    assert_eq!(String::from_utf8_lossy(&told.stdout).trim(), "s3://views/made/report.html");
+    let reported = report("s3://views/made");
+    ok(&reported);
+    assert_eq!(String::from_utf8_lossy(&reported.stdout).trim(), "s3://views/made/report.html");
     ok(&report(&archive.text("bare")));
     bucket.download(&archive.path("fetched"));
     let fetched = files(&archive.path("fetched/made"));

@@ -95,18 +95,18 @@ fn opencv_and_colmap_put_points_where_the_pictures_have_them() {
     ok(&archive.run(&[]));
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/peers/dataset.py");
     let read = Command::new(python).arg(script).arg(archive.path("out")).output().unwrap();
-    let told = ok(&read);
-    assert_eq!(told["views"], 3, "{told}");
-    assert!(told["points"].as_u64().unwrap() > 100, "{told}");
+    let reported = ok(&read);
+    assert_eq!(reported["views"], 3, "{reported}");
+    assert!(reported["points"].as_u64().unwrap() > 100, "{reported}");
     // Places are written in thousandths of a millimetre: less than a thousandth of a pixel.
     for key in ["opencv_px", "colmap_px", "nerf_px"] {
-        assert!(told[key].as_f64().unwrap() < 2e-3, "{key}: {told}");
+        assert!(reported[key].as_f64().unwrap() < 2e-3, "{key}: {reported}");
     }
-    assert!(told["ball_mm"].as_f64().unwrap() < 0.2, "{told}");
-    if told["pycolmap"].is_null() {
+    assert!(reported["ball_mm"].as_f64().unwrap() < 0.2, "{reported}");
+    if reported["pycolmap"].is_null() {
         eprintln!("SKIPPED: COLMAP's own reader (pycolmap is not installed)");
     } else {
-        assert!(told["pycolmap"].as_f64().unwrap() < 2e-3, "{told}");
+        assert!(reported["pycolmap"].as_f64().unwrap() < 2e-3, "{reported}");
     }
 }
 

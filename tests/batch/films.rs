@@ -62,9 +62,9 @@ fn without_ffmpeg_there_is_the_animated_png_and_a_word() {
     assert_eq!(refused.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("apt-get install ffmpeg"));
     assert!(!archive.path("out").exists(), "nothing is rendered before");
-    let told = archive.run(&["--ffmpeg", "no-such-ffmpeg"]);
-    assert!(String::from_utf8_lossy(&told.stderr).contains("turntables are animated PNG alone"));
-    ok(&told);
+    let reported = archive.run(&["--ffmpeg", "no-such-ffmpeg"]);
+    assert!(String::from_utf8_lossy(&reported.stderr).contains("turntables are animated PNG alone"));
+    ok(&reported);
     let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
     assert!(folder.join("turntable.png").exists() && !folder.join("turntable.mp4").exists());
     assert!(archive.run(&["--turntable", "gif"]).status.code() == Some(2));

@@ -146,8 +146,8 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     assert_eq!(worked["series_loaded"], 2);
     assert!(!errors.contains("DOE"), "a folder's name may be a patient's: {errors}");
     let setback = archive.path(&format!("out/{name}/axial.failed.json"));
-    let told: Value = serde_json::from_slice(&std::fs::read(&setback).unwrap()).unwrap();
-    assert_eq!((&told["kind"], &told["tries"]), (&"permanent".into(), &1.into()), "{told}");
+    let reported: Value = serde_json::from_slice(&std::fs::read(&setback).unwrap()).unwrap();
+    assert_eq!((&reported["kind"], &reported["tries"]), (&"permanent".into(), &1.into()), "{reported}");
     let manifest = archive.text("jobs.jsonl");
     ok(&relief(&["batch", "report", "--manifest", &manifest, "--out", &out]));
     let page = std::fs::read_to_string(archive.path("out/report.html")).unwrap();
@@ -217,8 +217,8 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     let more = ["--ack-wait", "1", "--tries", "2", "--take", "5", "--idle-exit", "1"];
     let setback = archive.path(&format!("out/{name}/endless.failed.json"));
     let tries = || {
-        let told: Value = serde_json::from_slice(&std::fs::read(&setback).ok()?).unwrap();
-        Some((told["kind"].as_str().unwrap().to_owned(), told["tries"].as_u64().unwrap()))
+        let reported: Value = serde_json::from_slice(&std::fs::read(&setback).ok()?).unwrap();
+        Some((reported["kind"].as_str().unwrap().to_owned(), reported["tries"].as_u64().unwrap()))
     };
     // The first time leaves no trace: it was one of several.
     for traced in [None, Some(1), Some(2)] {
@@ -268,7 +268,7 @@ fn a_server_that_is_killed_and_started_anew_is_found_again() {
 #[cfg(unix)]
 #[test]
 fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
-    let what = "workers that are told to stop";
+    let what = "workers that are signalled to stop";
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "turntable:90"]));

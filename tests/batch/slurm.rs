@@ -21,8 +21,8 @@ impl Cluster {
         let mut cluster = Self { folder: tempfile::tempdir().unwrap(), variables: Vec::new() };
         let started = Command::new(STARTER).arg("start").arg(cluster.folder.path()).output().unwrap();
         assert!(started.status.success(), "{}", String::from_utf8_lossy(&started.stderr));
-        let told = String::from_utf8(started.stdout).unwrap();
-        let words = told.trim().trim_start_matches("export ").split(' ');
+        let reported = String::from_utf8(started.stdout).unwrap();
+        let words = reported.trim().trim_start_matches("export ").split(' ');
         cluster.variables = words
             .map(|word| word.split_once('=').unwrap())
             .map(|(a, b)| (a.to_owned(), b.to_owned()))

@@ -131,7 +131,7 @@ def editing(page, server):
 
 
 def keyboard(page, server):
-    """A point without a pointer: the view, the cursor, the tool, Enter; and one that snaps, with the shift told."""
+    """A point without a pointer: the view, the cursor, the tool, Enter; and one that snaps, with its displacement."""
     page.page.locator("#items").click(position={"x": 5, "y": 300})
     page.key("2")
     before = [float(mm) for mm in page.page.get_attribute("#readout", "data-mm").split(",")]
@@ -197,7 +197,7 @@ def template(page, server):
 
 
 def conflict(browser, page, server):
-    """Two pages change the same item: nothing is overwritten before somebody decides."""
+    """Two pages change the same item: nothing is overwritten before a user decides."""
     other = Page(browser, server, "Ben Ode")
     other.wait_row("Line 1")
     page.page.click('.item[data-name="Line 1"] .item-main')

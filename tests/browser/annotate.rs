@@ -143,7 +143,7 @@ fn two_people_never_overwrite_each_other_unseen() {
         1,
         "the other page follows by itself: {conflict}"
     );
-    assert_eq!(conflict["live"], "live", "told by the server, not asked for");
+    assert_eq!(conflict["live"], "live", "pushed by the server, not polled");
     assert_eq!(conflict["problems"], json!([]));
 }
 

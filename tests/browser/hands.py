@@ -230,7 +230,7 @@ def fingers(browser, server):
 
 
 def jobs(page, server):
-    """Work that hangs is told, and broken off: nothing is made, and nothing is in the way afterwards."""
+    """A task that hangs is displayed and cancelled: nothing is made, and the page works afterwards."""
     held = []
     page.page.route("**/annotations/mesh", lambda route: held.append(route))
     count = len(server.annotations()["items"])

@@ -196,10 +196,10 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
     let texts = &seen["bad_texts"];
-    let told: Vec<_> = texts["changed"].as_array().unwrap().iter().collect();
-    assert_eq!((told.len(), &texts["closed"]), (6, &Value::Null), "{seen}");
-    assert!(told[1..5].iter().all(|change| change[1].as_str().unwrap().contains("no message")), "{seen}");
-    assert_eq!(*told[5], serde_json::json!(["live", ""]), "{seen}");
+    let reported: Vec<_> = texts["changed"].as_array().unwrap().iter().collect();
+    assert_eq!((reported.len(), &texts["closed"]), (6, &Value::Null), "{seen}");
+    assert!(reported[1..5].iter().all(|change| change[1].as_str().unwrap().contains("no message")), "{seen}");
+    assert_eq!(*reported[5], serde_json::json!(["live", ""]), "{seen}");
     let early = serde_json::json!(
         {"unavailable": "waiting", "missing": "waiting", "preset": "ended", "unprocessable": "ended"}
     );
@@ -214,8 +214,9 @@ fn a_bad_frame_ends_no_session_and_a_copied_tab_takes_none() {
         bad["shown"],
         serde_json::json!([[1, 10, 20, 30, 255, 11, 21, 31, 255], [3, 10, 20, 30, 255, 11, 21, 31, 255]])
     );
-    let told: Vec<_> = bad["changed"].as_array().unwrap().iter().map(|change| change[0].clone()).collect();
-    assert_eq!(told, ["connecting", "live", "live", "live"], "{seen}");
+    let reported: Vec<_> =
+        bad["changed"].as_array().unwrap().iter().map(|change| change[0].clone()).collect();
+    assert_eq!(reported, ["connecting", "live", "live", "live"], "{seen}");
     assert_eq!((&bad["closed_at_last"], &bad["acknowledged_at_last"]), (&4000.into(), &22.into()), "{seen}");
     assert_eq!(seen["no_frame"], serde_json::json!({"closed": 4000, "acknowledged": 0}));
     let tokens = &seen["tokens"];

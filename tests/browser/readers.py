@@ -50,7 +50,7 @@ def tabs(browser, server):
     found["renamed"] = seen(one)
     one.page.locator("#items").focus()
     one.key("Control+z")
-    # Somebody else changed it since: it is not taken back, and both are told.
+    # Another user changed it since: it is not undone, and both pages report it.
     one.wait("!document.getElementById('notice').hidden")
     found["not_undone"] = one.page.inner_text("#notice")
     two.key("Control+z")
@@ -82,7 +82,7 @@ def blinded(browser, server):
         page.click("axial", 0.4 + 0.1 * number, 0.5)
         page.wait("document.querySelectorAll('.item').length === 1")
         page.still()
-    # Whoever could see something new has been told by now.
+    # All pages have been notified by now.
     for name, page in pages.items():
         page.page.wait_for_timeout(500)
         found[name] = {
@@ -103,9 +103,9 @@ def drop(page, name, text):
     carried = page.page.evaluate_handle(
         "([name, text]) => { const carried = new DataTransfer(); carried.items.add(new File([text], name)); return carried; }", [name, text])
     page.page.dispatch_event("#panes", "dragover", {"dataTransfer": carried})
-    told = page.page.evaluate("document.body.classList.contains('dropping')")
+    reported = page.page.evaluate("document.body.classList.contains('dropping')")
     page.page.dispatch_event("#panes", "drop", {"dataTransfer": carried})
-    return told
+    return reported
 
 
 def dropping(browser, server):

@@ -30,7 +30,7 @@ fn two_windows_see_each_others_edits_at_once() {
     assert!(tabs["seconds"].as_f64().unwrap() < 1.5, "{tabs}");
     assert_eq!(tabs["placed"], json!({ "rows": ["Point 1"], "marks": 1 }));
     assert_eq!(tabs["renamed"]["rows"], json!(["Sella"]));
-    assert!(tabs["not_undone"].as_str().unwrap().contains("somebody else has changed"), "{tabs}");
+    assert!(tabs["not_undone"].as_str().unwrap().contains("another user has changed"), "{tabs}");
     assert_eq!(tabs["gone"], json!({ "rows": [], "marks": 0 }));
 }
 

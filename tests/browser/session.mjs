@@ -90,7 +90,7 @@ async function begin() {
   return { session, seen, socket, say, give };
 }
 
-/** Texts that are no messages: told, and what comes after them counts. */
+/** Invalid messages: they are reported, and later messages are handled. */
 async function badTexts() {
   const { seen, socket, say } = await begin();
   for (const text of ["{not json", "7", "null", '{"type":3}']) socket.on.message({ data: text });

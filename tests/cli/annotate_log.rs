@@ -21,7 +21,7 @@ fn said(output: &Output) -> (i32, String, String) {
     (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
 }
 
-fn told(db: &Path, arguments: &[&str]) -> String {
+fn reported(db: &Path, arguments: &[&str]) -> String {
     let (status, out, error) = said(&relief(db, arguments));
     assert_eq!((status, error.as_str()), (0, ""), "{arguments:?}");
     out
@@ -64,14 +64,14 @@ fn what_there_is_and_what_happened_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("ann.db");
     seeded(&db);
-    let list = told(&db, &["list"]);
+    let list = reported(&db, &["list"]);
     assert!(list.contains("nasion  point  (4.00, 2.00, -3.50)  anna    2"), "{list}");
     assert!(list.contains("width   line   12.00 mm") && list.contains("locked"), "{list}");
-    assert!(told(&db, &["list", "--set", "ben"]).contains("no items"));
+    assert!(reported(&db, &["list", "--set", "ben"]).contains("no items"));
     let listed = json(&relief(&db, &["list", "--json"]));
     assert_eq!((listed["seq"].as_u64(), listed["items"].as_array().unwrap().len()), (Some(3), 2));
     assert_eq!(listed["items"][1]["measures"][0]["value"], 12.0);
-    let log = told(&db, &["log"]);
+    let log = reported(&db, &["log"]);
     assert_eq!(log.lines().count(), 4, "{log}");
     assert!(log.contains("first reading") && log.lines().last().unwrap().ends_with("bone is here"), "{log}");
     let events = json(&relief(&db, &["log", "--by", "ben", "--json"]));
@@ -99,10 +99,10 @@ fn edits_are_taken_back_and_conflicts_shown() {
     assert_eq!((refused.status.code(), shown["conflict"]["current"]["version"].as_u64()), (Some(1), Some(2)));
     assert_eq!(shown["conflict"]["yours"], Value::Null);
 
-    let undone = told(&db, &["undo", "--author", "ben", "--reason", "a mistake"]);
+    let undone = reported(&db, &["undo", "--author", "ben", "--reason", "a mistake"]);
     assert!(undone.contains("changed, taking back 3") && undone.contains("nasion"), "{undone}");
-    told(&db, &["undo", "--author", "anna"]);
-    assert!(told(&db, &["list"]).contains("no items"));
+    reported(&db, &["undo", "--author", "anna"]);
+    assert!(reported(&db, &["list"]).contains("no items"));
     let redone = json(&relief(&db, &["redo", "--author", "anna", "--times", "9", "--json"]));
     assert_eq!(redone["events"].as_array().unwrap().len(), 2);
     let (status, _, error) = said(&relief(&db, &["redo", "--author", "anna"]));
@@ -116,10 +116,10 @@ fn sets_are_made_and_their_history_told() {
     let (status, _, error) = said(&relief(&db, &["list"]));
     assert!(status == 1 && error.contains("there is no log"), "{error}");
     assert!(!db.exists(), "a question makes no log");
-    told(&db, &["sets", "put", "anna", "--reader", "anna", "--blinded", "--author", "chief"]);
+    reported(&db, &["sets", "put", "anna", "--reader", "anna", "--blinded", "--author", "chief"]);
     let sets = json(&relief(&db, &["sets", "--json"]));
     assert_eq!(sets["sets"][0]["set"]["blinded"], true);
-    assert!(told(&db, &["sets", "--history"]).contains("chief"));
+    assert!(reported(&db, &["sets", "--history"]).contains("chief"));
     let (status, _, error) = said(&relief(&db, &["sets", "put", "a b", "--author", "chief"]));
     assert!(status == 1 && error.contains("letters, digits"), "{error}");
     let help = said(&relief(&db, &["--help"])).1;

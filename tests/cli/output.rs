@@ -33,8 +33,8 @@ fn a_reader_that_has_gone_away_is_no_error() {
     let phantom = [&["phantom", "--out", other.to_str().unwrap()], &SMALL[..]].concat();
     for arguments in [&["inspect", series][..], &["inspect", series, "--json"], &phantom] {
         let output = run_unread(arguments);
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!((output.status.code(), &*told), (Some(0), ""), "{arguments:?}");
+        let reported = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), &*reported), (Some(0), ""), "{arguments:?}");
     }
     assert!(other.join("truth.json").is_file(), "the work is done all the same");
     assert_eq!(run_unread(&["inspect", "no/such/path"]).status.code(), Some(1), "other errors still count");
@@ -50,9 +50,9 @@ fn results_that_cannot_be_written_are_an_error() {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let output =
             Command::new(RELIEF).arg("inspect").arg(&series).args(options).stdout(full).output().unwrap();
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{told}");
-        assert!(told.starts_with("relief: cannot write to stdout: "), "{told}");
+        let reported = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{reported}");
+        assert!(reported.starts_with("relief: cannot write to stdout: "), "{reported}");
     }
 }
 

@@ -90,8 +90,8 @@ fn what_does_not_belong_to_a_slice_is_refused_at_once() {
         (&["--window-hu", "40"], 2, "CENTER,WIDTH"),
     ] {
         let output = relief(&[&["render", "--series", "none", "--out", &out][..], options].concat());
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(status), "{options:?}: {told}");
-        assert!(told.contains(message), "{options:?}: {told}");
+        let reported = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(status), "{options:?}: {reported}");
+        assert!(reported.contains(message), "{options:?}: {reported}");
     }
 }

@@ -51,12 +51,15 @@ fn true_views_stand_above_synthesised_ones_with_the_ratios_that_opencv_finds() {
     };
     let report = render("both", "views-3", &both)["views"].clone();
     assert_eq!(report["eyes"], json!([-1.0, 0.0, 1.0]));
-    let told: Vec<Option<f64>> = report["psnr_db"].as_array().unwrap().iter().map(Value::as_f64).collect();
+    let reported: Vec<Option<f64>> =
+        report["psnr_db"].as_array().unwrap().iter().map(Value::as_f64).collect();
     assert!(
-        told[1].is_none() && told[0].is_some_and(|db| db > 25.0) && told[2].is_some_and(|db| db > 25.0),
-        "{told:?}"
+        reported[1].is_none()
+            && reported[0].is_some_and(|db| db > 25.0)
+            && reported[2].is_some_and(|db| db > 25.0),
+        "{reported:?}"
     );
-    let mean = (told[0].unwrap() + told[2].unwrap()) / 2.0;
+    let mean = (reported[0].unwrap() + reported[2].unwrap()) / 2.0;
     assert!((report["psnr_mean_db"].as_f64().unwrap() - mean).abs() < 1e-9);
 
     // The upper row is the output of --views true, the lower one the output without it.
@@ -77,7 +80,7 @@ fn true_views_stand_above_synthesised_ones_with_the_ratios_that_opencv_finds() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let peer: Vec<f64> = serde_json::from_slice(&output.stdout).unwrap();
     for view in [0, 2] {
-        assert!((told[view].unwrap() - peer[view]).abs() < 1e-6, "{told:?} {peer:?}");
+        assert!((reported[view].unwrap() - peer[view]).abs() < 1e-6, "{reported:?} {peer:?}");
     }
     assert!(peer[1] > 300.0, "OpenCV has no infinity");
 
@@ -200,7 +203,7 @@ fn what_cannot_be_previewed_is_refused_with_the_reason() {
         frame_file(folder.path(), &DisplaySettings { layout: Layout::Rgbd, ..DisplaySettings::default() });
     json_of(&["preview", &rgbd, "--layout", "anaglyph", "--out", &glasses, "--json"]);
     assert!(preview(&glasses, &[]).contains("cannot be separated"));
-    let told = relief(&["inspect", &glasses]);
-    let told = String::from_utf8(told.stdout).unwrap();
-    assert!(told.contains("mixed in every pixel: its views cannot be separated"), "{told}");
+    let reported = relief(&["inspect", &glasses]);
+    let reported = String::from_utf8(reported.stdout).unwrap();
+    assert!(reported.contains("mixed in every pixel: its views cannot be separated"), "{reported}");
 }

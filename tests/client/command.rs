@@ -62,10 +62,10 @@ fn attempts_to_reach_a_server_are_told_once() {
     let mut waiting = relief(&["client", "--server", "http://127.0.0.1:1", "--headless"]).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_secs(3)); // half a dozen attempts
     waiting.kill().unwrap();
-    let told = text(&waiting.wait_with_output().unwrap().stderr);
-    let lines: Vec<_> = told.lines().collect();
-    assert_eq!(lines.len(), 2, "{told}");
-    assert!(lines[0].contains("--save-frame") && lines[1].contains("cannot reach"), "{told}");
+    let reported = text(&waiting.wait_with_output().unwrap().stderr);
+    let lines: Vec<_> = reported.lines().collect();
+    assert_eq!(lines.len(), 2, "{reported}");
+    assert!(lines[0].contains("--save-frame") && lines[1].contains("cannot reach"), "{reported}");
 }
 
 #[cfg(all(feature = "window", target_os = "linux"))]

@@ -191,19 +191,19 @@ fn measuring_reads_every_header_row_and_finds_the_still_frame() {
 /// A client that runs until it is stopped, and its output.
 struct Process {
     process: Child,
-    told: std::io::Lines<BufReader<std::process::ChildStderr>>,
+    reported: std::io::Lines<BufReader<std::process::ChildStderr>>,
 }
 
 impl Process {
     fn start(url: &str, arguments: &[&str]) -> Self {
         let mut process = relief(&["client", "--server", url, "--headless"]).args(arguments).spawn().unwrap();
-        let told = BufReader::new(process.stderr.take().unwrap()).lines();
-        Self { process, told }
+        let reported = BufReader::new(process.stderr.take().unwrap()).lines();
+        Self { process, reported }
     }
 
     fn until_told(&mut self, word: &str) {
-        let found = self.told.by_ref().map_while(Result::ok).any(|line| line.contains(word));
-        assert!(found, "{word:?} is not told");
+        let found = self.reported.by_ref().map_while(Result::ok).any(|line| line.contains(word));
+        assert!(found, "{word:?} is not printed");
     }
 
     fn stop(mut self) {

@@ -113,7 +113,7 @@ fn a_server_that_is_killed_costs_no_wrong_image_and_no_annotation() {
         made.len()
     );
     assert_eq!(found.len(), made.len(), "none that nobody made");
-    assert_eq!(cluster.process.stop(), Some(143), "told to stop");
+    assert_eq!(cluster.process.stop(), Some(143), "reported to stop");
 }
 
 /// What came of it.
@@ -240,7 +240,7 @@ impl Live {
     }
 
     /// The names of the items of the next events.
-    async fn told(&mut self) -> Value {
+    async fn reported(&mut self) -> Value {
         loop {
             let message = self.text("annotations").await;
             if let Some(event) = message["events"].as_array().and_then(|events| events.first()) {
@@ -282,7 +282,7 @@ async fn clients_of_every_server_see_an_edit_that_came_by_any() {
             ask(server, &format!("POST {path}"), &format!("Relief-Author: {author}\r\n"), &body).unwrap();
         assert_eq!(made.status, 201, "{}", String::from_utf8_lossy(&made.body));
         for client in [&mut anna, &mut ben, &mut cleo] {
-            assert_eq!(client.told().await, name);
+            assert_eq!(client.reported().await, name);
         }
         let after = [a, b, &cluster.address]
             .map(|server| get(server, &format!("{}&annotations=true", frame_path(&volume, 1)), ""));

@@ -46,7 +46,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("$S/", "needs the UIDs of a series; tests of DICOMweb run it"),
     ("segments.nii.gz", "needs a label map of organs; tests of labels run it"),
     ("mjpeg", "streams without end"),
-    ("liver-1", "needs curves that somebody drew; tests of structures fill some"),
+    ("liver-1", "needs drawn curves; tests of structures fill some"),
     ("$RELIEF_TOKEN", "needs the token that was printed; tests of identity run it"),
 ];
 

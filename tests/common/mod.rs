@@ -20,7 +20,7 @@ use relief_volume::{Phantom, PhantomKind, PhantomRecipe, Volume};
 /// The software adapter, or `None` after saying aloud that `what` was not tested.
 ///
 /// # Panics
-/// When there is none and `RELIEF_REQUIRE_ADAPTER` is set.
+/// Without an adapter, if `RELIEF_REQUIRE_ADAPTER` is set.
 pub(crate) fn software_adapter(what: &str) -> Option<Gpu> {
     match Gpu::open(&AdapterChoice::Software) {
         Ok(gpu) => Some(gpu),

@@ -85,11 +85,11 @@ fn several_series_are_listed_with_the_option_that_chooses() {
         .arg(&out)
         .output()
         .unwrap();
-    let told = String::from_utf8(render.stderr).unwrap();
-    assert_eq!((render.status.code(), out.exists()), (Some(1), false), "{told}");
+    let reported = String::from_utf8(render.stderr).unwrap();
+    assert_eq!((render.status.code(), out.exists()), (Some(1), false), "{reported}");
     assert!(
-        told.starts_with("relief: choose a series with --series-uid UID\n  because: 2 series found"),
-        "{told}"
+        reported.starts_with("relief: choose a series with --series-uid UID\n  because: 2 series found"),
+        "{reported}"
     );
-    assert!(told.contains("128 x 128 x 1") && told.contains("128 x 64 x 1"), "{told}");
+    assert!(reported.contains("128 x 128 x 1") && reported.contains("128 x 64 x 1"), "{reported}");
 }

@@ -97,12 +97,12 @@ fn what_a_report_cannot_hold_is_told() {
     elsewhere.frame_of_reference = Some(FrameOfReference("1.2.3.4".to_owned()));
     let items = [kept, item(2, "cut", plane), missing, elsewhere];
     let made_report = written(&items, &made);
-    let told: Vec<(&str, String)> =
+    let reported: Vec<(&str, String)> =
         made_report.left_out.iter().map(|left| (left.name.as_str(), left.reason.to_string())).collect();
-    assert_eq!(told.len(), 3);
-    assert!(told[0].0 == "cut" && told[0].1.contains("planes"), "{told:?}");
-    assert!(told[1].0 == "missing" && told[1].1.contains("skipped"), "{told:?}");
-    assert!(told[2].0 == "elsewhere" && told[2].1.contains("frame of reference"), "{told:?}");
+    assert_eq!(reported.len(), 3);
+    assert!(reported[0].0 == "cut" && reported[0].1.contains("planes"), "{reported:?}");
+    assert!(reported[1].0 == "missing" && reported[1].1.contains("skipped"), "{reported:?}");
+    assert!(reported[2].0 == "elsewhere" && reported[2].1.contains("frame of reference"), "{reported:?}");
     assert_eq!(made_report.notes.len(), 4, "{:?}", made_report.notes);
     let nothing = relief_dicom::write_report(&items[1..], &made.reference, &options());
     let Err(ReportError::Nothing(left)) = nothing else { panic!("{nothing:?}") };

@@ -285,8 +285,8 @@ fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
         let file = encode_views(layout, &views).unwrap();
         let report = inspect_png(&file).unwrap();
         assert_eq!((report.layout, report.frame_px, report.problems.len()), (layout, frame_px, 0), "{name}");
-        let told = report.views.unwrap();
-        assert_eq!((told.count as usize, told.size_px), (layout.view_count(), [7, 5]), "{name}");
+        let reported = report.views.unwrap();
+        assert_eq!((reported.count as usize, reported.size_px), (layout.view_count(), [7, 5]), "{name}");
         if layout == Layout::Wiggle {
             assert_eq!(decode_wiggle(&file).unwrap(), views);
             continue;

@@ -141,8 +141,8 @@ fn every_format_comes_back_through_the_log() {
             let item = items.iter().find(is_it).unwrap_or_else(|| panic!("{format}: {}", found.name));
             assert!(same(item.geometry.as_ref(), found.geometry.as_ref()), "{format}: {item:?}");
         }
-        let told = report["left_out"].as_array().unwrap();
-        assert!(!told.is_empty() || format == Format::Cornerstone, "{format} holds less than everything");
+        let reported = report["left_out"].as_array().unwrap();
+        assert!(!reported.is_empty() || format == Format::Cornerstone, "{format} holds less than everything");
     }
     let said = error(&bench.run(&["export", "--format", "csv", "--out", "x.csv", "--set", "nobody"]));
     assert!(said.contains("nothing is left to write"), "{said}");
@@ -227,13 +227,13 @@ fn nothing_comes_in_twice_by_itself() {
         assert!(differ <= u64::from(format != Format::MrkJson), "{format}: {again}");
         assert_eq!(counts(&again), [0, 0, held - differ, differ].map(Value::from), "{format}");
         let said = again["files"][0]["warnings"].to_string();
-        let told = match differ {
+        let reported = match differ {
             0 => format!("{held} items are there already, as the file has them; --duplicate makes new ones"),
             _ => format!(
                 "{held} items are there already and stay as they are, {differ} of them other than in the file"
             ),
         };
-        assert!(said.contains(&told), "{said}");
+        assert!(said.contains(&reported), "{said}");
         assert_eq!(bench.items(), before, "{format}");
     }
     // One was moved in the log: it stays, and is counted.

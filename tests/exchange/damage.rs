@@ -170,8 +170,8 @@ fn tables_are_refused_with_the_line_and_column() {
         let latin = [b"label,l,p,s\n".as_slice(), b"\xe9,1,2,3\n"].concat();
         assert!(refused(format, latin).contains("line 2: this is no text in UTF-8"), "{format}");
     }
-    let told = read(Format::Csv, "label,l,p,s,mood\na,1,2,3,good\n").unwrap().warnings;
-    assert_eq!(told, ["the column \"mood\" is left out"]);
+    let reported = read(Format::Csv, "label,l,p,s,mood\na,1,2,3,good\n").unwrap().warnings;
+    assert_eq!(reported, ["the column \"mood\" is left out"]);
 }
 
 #[test]

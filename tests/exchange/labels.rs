@@ -88,7 +88,12 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     let contents = contents(&[&first, &second]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     let mut items = first.items.clone();
-    items.push(Item { order: 9, description: "told".to_owned(), locked: true, ..second.items[0].clone() });
+    items.push(Item {
+        order: 9,
+        description: "reported".to_owned(),
+        locked: true,
+        ..second.items[0].clone()
+    });
     let written = relief_exchange::write(Format::SegNrrd, &items, &context).unwrap();
     assert!(String::from_utf8_lossy(&written.bytes).contains("sizes: 2 4 3 2"), "two layers");
     let back = read(Format::SegNrrd, &written.bytes).unwrap();
@@ -99,9 +104,9 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     assert_eq!(found(&back), all);
     assert_eq!(back.contents.len(), 2, "a content for each layer");
     assert_eq!(back.items[0].rgb, Some([0.5, 0.25, 1.0]));
-    let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
-    assert_eq!(told[..2], ["descriptions", "locks"]);
-    assert!(!told.iter().any(|what| what.contains("voxels")), "{told:?}");
+    let reported: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
+    assert_eq!(reported[..2], ["descriptions", "locks"]);
+    assert!(!reported.iter().any(|what| what.contains("voxels")), "{reported:?}");
     // And once more, from the layers.
     let contents = self::contents(&[&back]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
@@ -191,7 +196,7 @@ fn layers_are_read_by_others() {
     let written = relief_exchange::write(Format::SegNrrd, &items, &context).unwrap();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("ours.seg.nrrd"), &written.bytes).unwrap();
-    let Some(found) = super::peer::told("layers read by slicerio", LAYERS, folder.path(), false) else {
+    let Some(found) = super::peer::reported("layers read by slicerio", LAYERS, folder.path(), false) else {
         return;
     };
     assert_eq!(found["sizes"], serde_json::json!([2, 4, 3, 2]));

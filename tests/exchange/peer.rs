@@ -24,21 +24,21 @@ def described(node):
             'description': node.GetNthControlPointDescription(i), 'ras': at,
             'defined': node.GetNthControlPointPositionStatus(i) == slicer.vtkMRMLMarkupsNode.PositionDefined,
             'locked': bool(node.GetNthControlPointLocked(i)), 'visible': bool(node.GetNthControlPointVisibility(i))})
-    told = {'class': node.GetClassName(), 'name': node.GetName(), 'locked': bool(node.GetLocked()), 'points': points}
+    reported = {'class': node.GetClassName(), 'name': node.GetName(), 'locked': bool(node.GetLocked()), 'points': points}
     if node.GetDisplayNode():
-        told['visible'] = bool(node.GetDisplayNode().GetVisibility())
-        told['color'] = list(node.GetDisplayNode().GetSelectedColor())
+        reported['visible'] = bool(node.GetDisplayNode().GetVisibility())
+        reported['color'] = list(node.GetDisplayNode().GetSelectedColor())
     if node.IsA('vtkMRMLMarkupsPlaneNode'):
         three = lambda: [0.0, 0.0, 0.0]
         x, y, z, center, normal, size = three(), three(), three(), three(), three(), [0.0, 0.0]
         node.GetAxes(x, y, z); node.GetCenter(center); node.GetNormal(normal)
-        told['plane'] = {'x': x, 'normal': normal, 'center': center, 'size': list(node.GetSize())}
+        reported['plane'] = {'x': x, 'normal': normal, 'center': center, 'size': list(node.GetSize())}
     for name in ('length', 'angle'):
         measurement = node.GetMeasurement(name)
         if measurement:
             measurement.SetEnabled(True); node.UpdateAllMeasurements()
-            told[name] = measurement.GetValue()
-    return told
+            reported[name] = measurement.GetValue()
+    return reported
 storage = {'Plane': slicer.vtkMRMLMarkupsPlaneJsonStorageNode}
 count = len(json.load(open(os.path.join(folder, 'ours.mrk.json')))['markups'])
 nodes = []
@@ -65,7 +65,12 @@ print(json.dumps({'markups': nodes, 'fcsv': described(old), 'csv': described(tab
 ";
 
 /// The last line that a script prints, as JSON; `None` with a message if the script cannot run.
-pub(super) fn told(what: &str, script: &str, folder: &Path, needs_slicer: bool) -> Option<serde_json::Value> {
+pub(super) fn reported(
+    what: &str,
+    script: &str,
+    folder: &Path,
+    needs_slicer: bool,
+) -> Option<serde_json::Value> {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: {what} (RELIEF_PEERS_PYTHON is not set)");
         return None;
@@ -138,11 +143,12 @@ fn slicer_reads_ours_and_we_read_slicer_s() {
     ] {
         std::fs::write(path(name), write(format, items).unwrap().bytes).unwrap();
     }
-    let Some(told) = told("markups read and written by 3D Slicer", SLICER, folder.path(), true) else {
+    let Some(reported) = reported("markups read and written by 3D Slicer", SLICER, folder.path(), true)
+    else {
         return;
     };
     for file in ["fcsv", "csv"] {
-        let found = told[file]["points"].as_array().unwrap();
+        let found = reported[file]["points"].as_array().unwrap();
         assert_eq!(found.len(), points.len(), "{file}");
         for (item, point) in points.iter().zip(found) {
             let name = if file == "csv" { item.name.replace('"', "'") } else { item.name.clone() };
@@ -163,7 +169,7 @@ fn slicer_reads_ours_and_we_read_slicer_s() {
             assert!(same(item.geometry.as_ref(), back.geometry.as_ref()), "{name}: {item:?} {back:?}");
         }
     }
-    let markups = told["markups"].as_array().unwrap();
+    let markups = reported["markups"].as_array().unwrap();
     assert_eq!(markups.len(), 7, "points of two lists, and five others");
     for (index, markup) in markups.iter().enumerate() {
         let file = format!("slicer-{index}.mrk.json");
@@ -247,7 +253,7 @@ fn slicerio_reads_our_lists() {
     points[2].name = "chin".to_owned(); // slicerio does not know quotes
     std::fs::write(folder.path().join("ours.fcsv"), write(Format::Fcsv, &points).unwrap().bytes).unwrap();
     let script = "import json, sys, slicerio.markups as m; print(json.dumps(m.read_markups_fcsv(sys.argv[1] + '/ours.fcsv')))";
-    let Some(read_there) = told("a list of points read by slicerio", script, folder.path(), false) else {
+    let Some(read_there) = reported("a list of points read by slicerio", script, folder.path(), false) else {
         return;
     };
     let markup = &read_there["markups"][0];
@@ -298,7 +304,9 @@ fn ours_keeps_slicer_s_schema() {
         }
     };
     std::fs::write(folder.path().join("schema.json"), schema).unwrap();
-    let Some(counts) = told("markups checked with a schema", VALIDATE, folder.path(), false) else { return };
+    let Some(counts) = reported("markups checked with a schema", VALIDATE, folder.path(), false) else {
+        return;
+    };
     assert_eq!(counts["ours"], 0);
     let bad = counts["bad"].as_array().unwrap();
     assert!(

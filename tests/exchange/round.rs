@@ -39,8 +39,8 @@ fn markups_hold_everything() {
         assert!(same(item.geometry.as_ref(), back.geometry.as_ref()), "{item:?}\n{back:?}");
         assert_eq!(Item { geometry: item.geometry.clone(), ..back.clone() }, *item);
     }
-    let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
-    assert_eq!(told, ["straight parts of curves"]);
+    let reported: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
+    assert_eq!(reported, ["straight parts of curves"]);
 }
 
 #[test]
@@ -50,8 +50,8 @@ fn cornerstone_holds_all_but_planes_and_what_has_no_place() {
         item.frame_of_reference = frame("1.2.3");
     }
     let written = write(Format::Cornerstone, &items).unwrap();
-    let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
-    assert_eq!(told, ["planes", "items without a place"]);
+    let reported: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
+    assert_eq!(reported, ["planes", "items without a place"]);
     let read = read(Format::Cornerstone, &written.bytes).unwrap();
     assert_eq!((read.items.len(), read.warnings.len()), (7, 0));
     for back in &read.items {
@@ -66,11 +66,11 @@ fn tables_hold_points_with_their_texts_and_flags() {
     for format in [Format::Csv, Format::Tsv, Format::Fcsv] {
         let items = everything();
         let written = write(format, &items).unwrap();
-        let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
+        let reported: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
         let kinds = ["lines", "angles", "curves", "planes"];
-        assert_eq!(told[..4], kinds, "{format}");
+        assert_eq!(reported[..4], kinds, "{format}");
         for what in ["colours", "concepts", "skipping", "lists"] {
-            assert!(told.contains(&what), "{format}: {told:?}");
+            assert!(reported.contains(&what), "{format}: {reported:?}");
         }
         let points: Vec<&Item> = items
             .iter()
@@ -102,9 +102,9 @@ fn tables_hold_points_with_their_texts_and_flags() {
 fn point_sets_hold_points_in_their_order() {
     let items = everything();
     let written = write(Format::Mps, &items).unwrap();
-    let told: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
+    let reported: Vec<&str> = written.left_out.iter().map(|lost| lost.what.as_str()).collect();
     for what in ["items without a place", "names", "descriptions", "locks", "hiding"] {
-        assert!(told.contains(&what), "{told:?}");
+        assert!(reported.contains(&what), "{reported:?}");
     }
     let read = read(Format::Mps, &written.bytes).unwrap();
     let points: Vec<_> = read.items.iter().map(|item| item.point().unwrap().xyz.to_array()).collect();

@@ -326,7 +326,7 @@ fn the_brain_has_the_values_of_its_tissues_and_the_noise_its_deviation() {
     assert!((ventricle - fluid).abs() < 12.0, "{ventricle} HU in the left frontal horn");
     assert!(midbrain > fluid + 15.0, "{midbrain} HU in the pons");
     let ratio = sigma / truth.noise_sigma_hu;
-    assert!((0.85..1.15).contains(&ratio), "noise of {sigma} HU, told {}", truth.noise_sigma_hu);
+    assert!((0.85..1.15).contains(&ratio), "noise of {sigma} HU, reported {}", truth.noise_sigma_hu);
 }
 
 #[test]

@@ -86,11 +86,11 @@ fn a_seed_decides_every_byte_however_passes_are_grouped() {
     let Some(mut renderer) = renderer("a_seed_decides_every_byte") else { return };
     let volume = common::volume(PhantomKind::Head, 64);
     let at_once = renderer.render(&volume, &head_request(&volume, 12)).unwrap();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for passes in [1, 4, 12] {
         let request = head_request(&volume, passes);
         let mut report = |progress: Progress| {
-            told.push(progress.passes);
+            reported.push(progress.passes);
             ControlFlow::Continue(())
         };
         let frame = renderer.render_watched(&volume, &request, &mut report).unwrap();
@@ -98,8 +98,8 @@ fn a_seed_decides_every_byte_however_passes_are_grouped() {
             assert!(frame.color_rgba == at_once.color_rgba, "continued passes are other passes");
         }
     }
-    told.dedup();
-    assert_eq!(told, [0, 1, 0, 4, 0, 12]);
+    reported.dedup();
+    assert_eq!(reported, [0, 1, 0, 4, 0, 12]);
     // With another picture in between nothing can be continued.
     let mut other = head_request(&volume, 12);
     other.path_trace.seed = 2;

@@ -9,7 +9,7 @@ use crate::server::annotations::point;
 use crate::server::live_stage::{Came, Client, Running, intent, orbit};
 
 /// The next message with events.
-async fn told(client: &mut Client) -> Value {
+async fn reported(client: &mut Client) -> Value {
     loop {
         let message = client.event("annotations").await;
         if message["events"].as_array().is_some_and(|events| !events.is_empty()) {
@@ -46,7 +46,7 @@ async fn two_clients_see_one_anothers_landmarks_at_once() {
     let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
     let (mut ben, _) = running.hello(annotating("other", "ben", "true")).await;
     place(&mut anna, 1, [1.0, 2.0, 3.0]).await;
-    let heard = [told(&mut anna).await, told(&mut ben).await];
+    let heard = [reported(&mut anna).await, reported(&mut ben).await];
     assert_eq!(heard[0]["events"], heard[1]["events"]);
     let event = &heard[0]["events"][0];
     assert_eq!((&heard[0]["seq"], &event["author"], &event["set"]), (&json!(1), &json!("anna"), &json!("s")));
@@ -65,19 +65,19 @@ async fn two_clients_see_one_anothers_landmarks_at_once() {
     // An edit over HTTP is pushed in the same way.
     running.stage.create("cleo", json!([point("nasion", [0.0; 3])])).await;
     for client in [&mut anna, &mut ben] {
-        assert_eq!(told(client).await["events"][0]["item"]["name"], "nasion");
+        assert_eq!(reported(client).await["events"][0]["item"]["name"], "nasion");
     }
     // The number goes on.
     place(&mut ben, 1, [4.0, 0.0, 0.0]).await;
-    let event = told(&mut anna).await["events"][0].clone();
+    let event = reported(&mut anna).await["events"][0].clone();
     assert_eq!(
         (&event["item"]["name"], &event["set"]),
         (&json!("1"), &json!("default")),
         "in a set of its own"
     );
     place(&mut anna, 10, [5.0, 0.0, 0.0]).await;
-    assert_eq!(told(&mut ben).await["events"][0]["item"]["name"], "1", "its own, before anna's");
-    assert_eq!(told(&mut ben).await["events"][0]["item"]["name"], "2");
+    assert_eq!(reported(&mut ben).await["events"][0]["item"]["name"], "1", "its own, before anna's");
+    assert_eq!(reported(&mut ben).await["events"][0]["item"]["name"], "2");
 }
 
 #[tokio::test]
@@ -123,9 +123,9 @@ async fn undo_takes_back_the_authors_edit_while_annotations_are_drawn() {
     anna.send(&intent(1, json!({ "intent": "orbit", "azimuth_deg": 30 }))).await;
     let eye = anna.still(1).await.header.eye_mm;
     place(&mut anna, 2, [1.0, 0.0, 0.0]).await;
-    told(&mut ben).await;
+    reported(&mut ben).await;
     anna.send(&intent(9, json!({ "intent": "undo" }))).await;
-    let undone = told(&mut ben).await;
+    let undone = reported(&mut ben).await;
     assert_eq!((&undone["events"][0]["kind"], &undone["events"][0]["item"]), (&json!("undo"), &Value::Null));
     ben.send(&intent(1, json!({ "intent": "undo" }))).await;
     let refused = ben.event("error").await;
@@ -150,11 +150,11 @@ async fn blinded_readers_are_told_of_their_own_set_alone() {
     let (mut ben, _) = running.hello(annotating("vb", "ben", "true")).await;
     let (mut nobody, _) = running.hello(json!({ "view": "vc" })).await;
     place(&mut anna, 1, [1.0, 0.0, 0.0]).await;
-    assert_eq!(told(&mut anna).await["events"][0]["set"], "a", "into their own");
+    assert_eq!(reported(&mut anna).await["events"][0]["set"], "a", "into their own");
     place(&mut ben, 1, [2.0, 0.0, 0.0]).await;
-    assert_eq!(told(&mut ben).await["events"][0]["set"], "b", "the first that is heard");
+    assert_eq!(reported(&mut ben).await["events"][0]["set"], "b", "the first that is heard");
     running.stage.create("chief", json!([point("open", [0.0; 3])])).await;
-    assert_eq!(told(&mut nobody).await["events"][0]["item"]["name"], "open", "the first that is heard");
+    assert_eq!(reported(&mut nobody).await["events"][0]["item"]["name"], "open", "the first that is heard");
 }
 
 #[tokio::test]
@@ -190,7 +190,7 @@ async fn a_tracked_hand_leaves_its_pose_in_the_record() {
     {
         anna.send(&pose(seq, buttons)).await;
     }
-    let item = told(&mut anna).await["events"][0]["item"].clone();
+    let item = reported(&mut anna).await["events"][0]["item"].clone();
     let device = &item["placement"]["device"];
     assert_eq!((&device["kind"], &device["position_mm"][2]), (&json!("wiimote"), &json!(1480.0)));
     assert_eq!(item["placement"]["method"], "tip");
@@ -277,7 +277,7 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
     // Events and `next` messages come in any order: anna's own event must not be taken for a later
     // one.
     made(&mut anna).await;
-    let item = told(&mut ben).await["events"][0]["item"].clone();
+    let item = reported(&mut ben).await["events"][0]["item"].clone();
     for (client, to) in [(&mut anna, [9.0, 2.0, 3.0]), (&mut ben, [1.0, 9.0, 3.0])] {
         client.send(&lead(10, [1.0, 2.0, 3.0])).await;
         client.send(&phase(11, "take")).await;
@@ -433,5 +433,5 @@ async fn a_plain_intent_places_too() {
         "{}",
         placed.text()
     );
-    assert_eq!(told(&mut anna).await["events"][0]["author"], "ben");
+    assert_eq!(reported(&mut anna).await["events"][0]["author"], "ben");
 }

@@ -106,13 +106,13 @@ async fn orientations_become_viewpoints_as_the_standard_has_them() {
             assert_eq!(numbers(&module, "00701605"), up, "{resource} from {letter}");
             // The returned settings give the same picture.
             let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-            let told = format!(
+            let reported = format!(
                 "{resource}?viewport=24,24&viewpointposition={}&viewpointlookat={}&viewpointup={}",
                 list(&position),
                 list(&look_at),
                 list(&numbers(&module, "00701605"))
             );
-            let [a, b] = [told, format!("{resource}?viewport=24,24&orientation={letter}")];
+            let [a, b] = [reported, format!("{resource}?viewport=24,24&orientation={letter}")];
             let (a, b) = (stage.get(&path(&a)).await, stage.get(&path(&b)).await);
             assert_eq!(a.header("etag"), b.header("etag"), "{resource} from {letter}");
         }
@@ -234,8 +234,8 @@ async fn uids_are_matched_exactly_and_told_to_nobody() {
     nameless.get(&path("rendered3D")).await.problem(404);
     stage.get(&path("rendered3D?viewport=8,8")).await;
     for place in ["/metrics", "/v1/volumes", "/readyz"] {
-        let told = stage.get(place).await;
-        assert!(!told.text().contains("1.2.826"), "{place}: {}", told.text());
+        let reported = stage.get(place).await;
+        assert!(!reported.text().contains("1.2.826"), "{place}: {}", reported.text());
     }
     assert!(stage.get("/metrics").await.text().contains("/studies/{study}/series/{series}/rendered3D"));
 }

@@ -14,7 +14,7 @@ use crate::server::live_stage::{Client, PATIENCE, Running, intent};
 use crate::server::stage::Stage;
 
 /// The next message with events.
-async fn told(client: &mut Client) -> Value {
+async fn reported(client: &mut Client) -> Value {
     loop {
         let message = client.event("annotations").await;
         if message["events"].as_array().is_some_and(|events| !events.is_empty()) {
@@ -50,7 +50,7 @@ async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
     anna.still(0).await;
     // Made there, and drawn here in a picture of its own.
     let ids = b.stage.create("ben", json!([point("nasion", [1.0, 2.0, 3.0])])).await;
-    let messages = [told(&mut anna).await, told(&mut ben).await];
+    let messages = [reported(&mut anna).await, reported(&mut ben).await];
     assert_eq!(messages[0]["events"], messages[1]["events"]);
     let event = &messages[0]["events"][0];
     assert_eq!((&event["author"], &event["set"]), (&json!("ben"), &json!("default")));
@@ -63,8 +63,8 @@ async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
     anna.send(&intent(1, json!({ "intent": "cursor", "point_mm": [4.0, 0.0, 0.0] }))).await;
     anna.send(&intent(2, json!({ "intent": "place", "phase": "preview" }))).await;
     anna.send(&intent(3, json!({ "intent": "place", "phase": "commit" }))).await;
-    assert_eq!(told(&mut ben).await["events"][0]["author"], "anna");
-    told(&mut anna).await;
+    assert_eq!(reported(&mut ben).await["events"][0]["author"], "anna");
+    reported(&mut anna).await;
     // Frames by request: tags agree, change with the other server's edits, and give 304 at both.
     let before = tag(&a.stage).await;
     assert_eq!(before, tag(&b.stage).await);
@@ -77,10 +77,10 @@ async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
         assert_eq!(stage.get_with(&path, &[("if-none-match", &after)]).await.status, 304);
         assert_eq!(stage.get_with(&path, &[("if-none-match", &before)]).await.status, 200);
     }
-    let gone = told(&mut anna).await["events"][0].clone();
+    let gone = reported(&mut anna).await["events"][0].clone();
     assert_eq!((&gone["kind"], &gone["item"], &gone["set"]), (&json!("do"), &Value::Null, &json!("default")));
     b.stage.annotate(Method::POST, "/undo", "ben", json!({})).await;
-    let undone = told(&mut anna).await["events"][0].clone();
+    let undone = reported(&mut anna).await["events"][0].clone();
     assert_eq!((&undone["kind"], &undone["item"]["name"]), (&json!("undo"), &json!("nasion")));
     assert_eq!(tag(&a.stage).await, before, "the very picture from before");
     // A set that becomes blinded there is blinded here.
@@ -114,7 +114,7 @@ async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_l
     for client in &mut clients {
         let mut seen = Vec::new();
         while seen.len() < 2 * EACH as usize {
-            let message = told(client).await;
+            let message = reported(client).await;
             assert_ne!(message["more"], true, "nothing is left out");
             let events = message["events"].as_array().unwrap();
             seen.extend(events.iter().map(|event| event["seq"].as_u64().unwrap()));
@@ -165,13 +165,13 @@ async fn an_edit_of_many_items_is_told_as_one(place: &str) {
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
     let many: Vec<_> = (0..5500).map(|i| point(&format!("p{i}"), [0.0; 3])).collect();
     b.stage.create("ben", many.into()).await;
-    let told = loop {
+    let reported = loop {
         let message = anna.event("annotations").await;
         if message["next"].is_null() {
             break message;
         }
     };
-    assert_eq!(told, json!({ "type": "annotations", "seq": 5500, "events": [], "more": true }));
+    assert_eq!(reported, json!({ "type": "annotations", "seq": 5500, "events": [], "more": true }));
     let list = a.stage.annotate(Method::GET, "", "", Value::Null).await.json();
     assert_eq!(list["items"].as_array().unwrap().len(), 5500);
 }
@@ -192,7 +192,7 @@ async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &
     .await;
     assert_eq!(admin.execute(AssertSqlSafe(cut)).await.unwrap().rows_affected(), 2);
     b.stage.create("ben", json!([point("while deaf", [0.0; 3])])).await;
-    assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "while deaf");
+    assert_eq!(reported(&mut anna).await["events"][0]["item"]["name"], "while deaf");
     drop(admin);
     postgres.crash().await;
     // Right after the crash a connection of the pool may still be one to the server that is gone.
@@ -201,7 +201,7 @@ async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &
         b.stage.annotate(Method::POST, "", "ben", created.clone()).await.status == 201
     })
     .await;
-    assert_eq!(told(&mut anna).await["events"][0]["item"]["name"], "after the crash");
+    assert_eq!(reported(&mut anna).await["events"][0]["item"]["name"], "after the crash");
 }
 
 /// Invariant: Live viewers are notified of every edit in the order of the log, from any server of

@@ -335,9 +335,9 @@ async fn a_wiimotes_hand_moves_the_view_by_poses_and_by_reports() {
         client.send(&json!({ "type": "report", "seq": seq, "t_ns": simulated.t_ns, "report": report })).await;
         seq += 1;
         if seq % 20 == 0 {
-            let told = client.event("tracking").await;
-            if told["state"] == "tracking" {
-                break told;
+            let reported = client.event("tracking").await;
+            if reported["state"] == "tracking" {
+                break reported;
             }
         }
     };

@@ -106,7 +106,7 @@ async fn while_a_is_held_the_snapped_place_is_shown_and_letting_go_sets_it_down_
     let (at, shift) = (xyz(&message["snapped"]["at_mm"]), xyz(&message["snapped"]["shift_mm"]));
     assert!((length(at) - SPHERE_MM).abs() < 0.15, "on the surface: {at:?}");
     assert!((1.0..2.2).contains(&length(shift)), "{shift:?}");
-    assert_eq!(previewed(&mut ben).await["snapped"], message["snapped"], "whoever looks sees it");
+    assert_eq!(previewed(&mut ben).await["snapped"], message["snapped"], "every client sees it");
     // The picture has it, with the distance beside it.
     anna.still(89).await;
     let shown = ghosts(&running);

@@ -37,9 +37,9 @@ async fn a_slice_by_query_is_the_frame_of_its_scene() {
         assert_eq!(by_query.body, by_body.body, "{query}");
         let scene = SceneFile::parse(body.to_string().as_bytes()).unwrap();
         let camera = scene.resolve(cube().grid(), &Orbit::default()).unwrap().request.camera;
-        let told: Value = serde_json::from_str(by_query.header("relief-camera")).unwrap();
-        assert_eq!(told["camera"]["look_at_mm"], json!(camera.look_at().xyz.to_array()), "{query}");
-        assert_eq!(told["edges"], serde_json::to_value(camera.edge_labels()).unwrap(), "{query}");
+        let reported: Value = serde_json::from_str(by_query.header("relief-camera")).unwrap();
+        assert_eq!(reported["camera"]["look_at_mm"], json!(camera.look_at().xyz.to_array()), "{query}");
+        assert_eq!(reported["edges"], serde_json::to_value(camera.edge_labels()).unwrap(), "{query}");
     }
 }
 
@@ -52,8 +52,8 @@ async fn named_slices_have_the_letters_of_the_convention() {
         ("sagittal", json!({ "left": "A", "right": "P", "top": "H", "bottom": "F" })),
     ] {
         let answer = stage.get(&stage.path(&format!("slice?size_px=8,8&plane={plane}"))).await;
-        let told: Value = serde_json::from_str(answer.header("relief-camera")).unwrap();
-        assert_eq!(told["edges"], edges, "{plane}");
+        let reported: Value = serde_json::from_str(answer.header("relief-camera")).unwrap();
+        assert_eq!(reported["edges"], edges, "{plane}");
     }
 }
 

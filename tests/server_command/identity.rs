@@ -69,7 +69,7 @@ impl Running {
 }
 
 /// Invariant: A server that other machines reach does not start without a means to recognise callers,
-/// unless told to.
+/// unless an option allows it.
 #[test]
 fn a_server_for_other_machines_asks_who_calls() {
     let refused = run(&["serve", "--listen", "0.0.0.0:0"]);

@@ -212,10 +212,10 @@ async fn sets_and_templates_are_kept_with_who_made_them(store: &Store) {
     assert_eq!(store.templates().await.unwrap(), ["skull"]);
     assert!(store.put_template("x y", "{}", "anna").await.is_err());
     let audit = store.audit().await.unwrap();
-    let told: Vec<_> =
+    let reported: Vec<_> =
         audit.iter().map(|line| (line.seq, line.name.as_str(), line.author.as_str())).collect();
     assert_eq!(
-        told,
+        reported,
         [(1, "anna", "chief"), (2, "anna", "chief"), (3, "skull", "chief"), (4, "skull", "anna")]
     );
     assert_eq!(audit[2].body, "{\"a\":1}");

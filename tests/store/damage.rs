@@ -189,8 +189,8 @@ async fn damaged_files_are_errors() {
     for part in 1..12 {
         let length = whole.len() * part / 12;
         let error = attempt(&whole[..length]).await.expect_err("a part of a log is no log");
-        let told = matches!(error, StoreError::Damaged(_) | StoreError::Foreign(_));
-        assert!(told, "{length} bytes: {error:?}");
+        let reported = matches!(error, StoreError::Damaged(_) | StoreError::Foreign(_));
+        assert!(reported, "{length} bytes: {error:?}");
         refused += 1;
     }
     // Whole pages, where they hurt most: the tables' roots come first.

@@ -79,9 +79,9 @@ async fn write(store: Store, author: String) -> StoreError {
 /// One line for an edit: it is whole or it was never said. Written past the test harness, which
 /// would keep it.
 fn acknowledge(events: &[Event]) {
-    let told: Vec<String> =
+    let reported: Vec<String> =
         events.iter().map(|event| format!("{} {} {}", event.seq, event.id, event.version)).collect();
-    say(&format!("done {}", told.join(",")));
+    say(&format!("done {}", reported.join(",")));
 }
 
 fn say(line: &str) {

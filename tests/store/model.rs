@@ -206,12 +206,14 @@ async fn follow(store: &Store, steps: &[Step]) {
         };
         let found = found.map(|events| {
             // The answer agrees with the log.
-            assert!(events.iter().map(told).eq(model.log[model.log.len() - events.len()..].iter().cloned()));
+            assert!(
+                events.iter().map(reported).eq(model.log[model.log.len() - events.len()..].iter().cloned())
+            );
         });
         assert_eq!(found.map_err(refused), expected, "step {count}: {step:?}");
     }
     let log = store.log(&LogFilter::default()).await.unwrap();
-    assert!(log.iter().map(told).eq(model.log.iter().cloned()));
+    assert!(log.iter().map(reported).eq(model.log.iter().cloned()));
     let listing = store.list(&Filter::default()).await.unwrap();
     let listed: BTreeMap<_, _> =
         listing.items.into_iter().map(|found| (found.item.id, (found.version, Some(found.item)))).collect();
@@ -220,7 +222,7 @@ async fn follow(store: &Store, steps: &[Step]) {
     store.check().await.unwrap();
 }
 
-fn told(event: &Event) -> (u64, u64, EventKind, Option<u64>, ItemId, u64, Option<Item>) {
+fn reported(event: &Event) -> (u64, u64, EventKind, Option<u64>, ItemId, u64, Option<Item>) {
     let Event { seq, edit, kind, target, id, version, item, .. } = event.clone();
     (seq, edit, kind, target, id, version, item)
 }

@@ -140,7 +140,7 @@ fn growing_stops_when_nobody_waits_at_every_stage() {
     });
     found.unwrap();
     for stage in [GrowStage::Range, GrowStage::Growing, GrowStage::Necks] {
-        assert!(stages.lock().unwrap().contains(&stage), "{stage:?} is told");
+        assert!(stages.lock().unwrap().contains(&stage), "{stage:?} is reported");
     }
     let total = calls.into_inner();
     for allowed in [0, 1, 2, total / 4, total / 2, total - 1] {
@@ -170,5 +170,5 @@ fn regions_are_the_same_on_any_number_of_threads() {
         })
     };
     let alone = on(1);
-    assert!(on(2) == alone && on(4) == alone, "the volume at which a leak is told is the same too");
+    assert!(on(2) == alone && on(4) == alone, "the volume at which a leak is reported is the same too");
 }

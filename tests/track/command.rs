@@ -97,13 +97,13 @@ fn the_solvers_of_the_paper_agree() {
         (poses.map(|pose| vector(&pose["position_mm"])).collect::<Vec<_>>(), stderr(&output))
     };
     let (ours, quiet) = solved("interior-point");
-    let (theirs, told) = solved("ipopt");
+    let (theirs, reported) = solved("ipopt");
     assert!(ours.len() > 150 && ours.len() == theirs.len(), "{} {}", ours.len(), theirs.len());
     for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
         assert!((a - b).abs() < 1e-3, "{a} {b}");
     }
-    let said = told.matches("this build has no IPOPT").count();
-    assert_eq!(said, usize::from(cfg!(not(feature = "ipopt"))), "{told}");
+    let said = reported.matches("this build has no IPOPT").count();
+    assert_eq!(said, usize::from(cfg!(not(feature = "ipopt"))), "{reported}");
     assert!(!quiet.contains("IPOPT"), "{quiet}");
     assert_eq!(solved("paper").0, ours, "the old name");
 }
@@ -319,17 +319,17 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
     let expected = [1340.0 * 775.0 / 769.0, 525.5, 767.0 - 353.75];
     let is_expected = |found: &[f64]| found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.5);
     std::fs::write(&eeprom, [&ir[..], &ir, &accelerometer, &accelerometer].concat()).unwrap();
-    let told = start(calibrate(&survey, &["--prior", text(&eeprom)]));
-    assert!(is_expected(&told), "{told:?}");
+    let reported = start(calibrate(&survey, &["--prior", text(&eeprom)]));
+    assert!(is_expected(&reported), "{reported:?}");
     assert_eq!(start(calibrate(&survey, &[])), [1340.0, 511.5, 383.5]);
     // A recording of the remote itself has the answer to the host's question: 16 bytes from address
     // 0.
     let hex: String = [&ir[..], &ir[..5]].concat().iter().map(|byte| format!("{byte:02x}")).collect();
-    let told = format!("{{\"t_ns\":1,\"report\":\"210000f00000{hex}\"}}\n");
+    let reported = format!("{{\"t_ns\":1,\"report\":\"210000f00000{hex}\"}}\n");
     let with_memory = folder.path().join("with-memory.jsonl");
-    std::fs::write(&with_memory, told + &std::fs::read_to_string(&survey).unwrap()).unwrap();
-    let told = start(calibrate(text(&with_memory), &[]));
-    assert!(is_expected(&told), "{told:?}");
+    std::fs::write(&with_memory, reported + &std::fs::read_to_string(&survey).unwrap()).unwrap();
+    let reported = start(calibrate(text(&with_memory), &[]));
+    assert!(is_expected(&reported), "{reported:?}");
     // Both copies damaged.
     let damaged: Vec<u8> = [&ir[1..], &ir[..], &accelerometer, &accelerometer, &[0]].concat();
     std::fs::write(&eeprom, damaged).unwrap();

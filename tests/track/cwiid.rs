@@ -51,7 +51,7 @@ impl Bench {
         while start.elapsed() < Duration::from_secs(10) {
             if let Ok(line) = self.lines.recv_timeout(Duration::from_millis(10)) {
                 match line.split_once(' ') {
-                    Some(("c", hex)) => self.obey(&bytes_of_hex(hex.strip_prefix("52").unwrap()).unwrap()),
+                    Some(("c", hex)) => self.apply(&bytes_of_hex(hex.strip_prefix("52").unwrap()).unwrap()),
                     Some(("s", text)) => {
                         let now: Value = serde_json::from_str(text).unwrap();
                         let done = until(&now);
@@ -69,7 +69,7 @@ impl Bench {
         state
     }
 
-    fn obey(&mut self, bytes: &[u8]) {
+    fn apply(&mut self, bytes: &[u8]) {
         let (output, _) = Output::decode(bytes).unwrap();
         if let Output::Write { address, .. } = output {
             self.registers.push(address);

@@ -150,7 +150,7 @@ impl Device {
     fn live(&mut self) {
         loop {
             match self.events.try_recv().map(|event| asked(&event)) {
-                Ok(Asked::Output(bytes)) => self.obey(&bytes),
+                Ok(Asked::Output(bytes)) => self.apply(&bytes),
                 Ok(Asked::Refused(answer)) => self.send(&answer),
                 Ok(Asked::Nothing) => {}
                 Err(TryRecvError::Empty) => break,
@@ -165,7 +165,7 @@ impl Device {
         std::thread::sleep(Duration::from_millis(10));
     }
 
-    fn obey(&mut self, bytes: &[u8]) {
+    fn apply(&mut self, bytes: &[u8]) {
         let Ok((output, _)) = Output::decode(bytes) else { return };
         // Only writes are acknowledged without being asked to.
         let wanted = bytes[1] & 0x02 != 0 || !matches!(bytes[0], 0x11 | 0x12 | 0x13 | 0x1a);

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use relief_volume::{TransferFunction, TransferImportChoice, TransferImportError, import_transfer};
 use serde_json::{Value, json};
 
-use super::{relief, told};
+use super::{relief, reported};
 
 /// A property as 3D Slicer's presets have them, with a step at 300 HU.
 const SLICER_XML: &str = r#"<?xml version="1.0" encoding="utf-8"?>
@@ -276,7 +276,8 @@ fn convert_prints_what_a_request_takes() {
     let folder = tempfile::tempdir().unwrap();
     let presets = write(folder.path(), "presets.xml", SLICER_XML);
     let printed: Value =
-        serde_json::from_str(&told(&["presets", "convert", &presets, "--name", "Lit & stepped"])).unwrap();
+        serde_json::from_str(&reported(&["presets", "convert", &presets, "--name", "Lit & stepped"]))
+            .unwrap();
     assert_eq!(
         printed["shading"],
         json!({ "ambient": 0.15, "diffuse": 0.85, "specular": 0.3, "shininess": 30.0 })
@@ -287,26 +288,26 @@ fn convert_prints_what_a_request_takes() {
     assert_eq!(request.transfer, imported(SLICER_XML, Some("Lit & stepped"), None).transfer);
 
     let property = write(folder.path(), "look.vp.json", &slicer_json().to_string());
-    let printed: Value = serde_json::from_str(&told(&["presets", "convert", &property])).unwrap();
+    let printed: Value = serde_json::from_str(&reported(&["presets", "convert", &property])).unwrap();
     assert_eq!(printed["transfer"]["opacity_unit_mm"], 2.5);
     let map = write(folder.path(), "map.json", &color_map("Diverging").to_string());
     let printed: Value =
-        serde_json::from_str(&told(&["presets", "convert", &map, "--range-hu", "-200,1000"])).unwrap();
+        serde_json::from_str(&reported(&["presets", "convert", &map, "--range-hu", "-200,1000"])).unwrap();
     let points = printed["transfer"]["points"].as_array().unwrap();
     assert_eq!((&points[0]["hu"], &points[points.len() - 1]["hu"]), (&json!(-200.0), &json!(1000.0)));
     assert!(printed.get("shading").is_none(), "a colour map says nothing of light");
 
     let output = relief(&["presets", "convert", &presets]);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.contains("Plain, Lit & stepped"), "{told}");
+    let reported = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{reported}");
+    assert!(reported.contains("Plain, Lit & stepped"), "{reported}");
     let half = &printed_gradient(&presets)["points"][0];
     assert_eq!((&half["hu_per_mm"], &half["opacity"]), (&json!(0.0), &json!(0.5)));
     assert_eq!(relief(&["presets", "convert", "no/such/file"]).status.code(), Some(1));
 }
 
 fn printed_gradient(presets: &str) -> Value {
-    let printed = told(&["presets", "convert", presets, "--name", "Lit & stepped"]);
+    let printed = reported(&["presets", "convert", presets, "--name", "Lit & stepped"]);
     serde_json::from_str::<Value>(&printed).unwrap()["transfer"]["gradient_opacity"].clone()
 }
 
@@ -316,13 +317,13 @@ fn printed_gradient(presets: &str) -> Value {
 fn a_picture_with_the_file_is_one_with_what_it_converts_to() {
     let folder = tempfile::tempdir().unwrap();
     let series = folder.path().join("head");
-    told(&["phantom", "--kind", "head", "--size", "48", "--out", series.to_str().unwrap()]);
+    reported(&["phantom", "--kind", "head", "--size", "48", "--out", series.to_str().unwrap()]);
     let file = write(folder.path(), "look.vp", SLICER_LINES);
-    let converted = write(folder.path(), "converted.json", &told(&["presets", "convert", &file]));
+    let converted = write(folder.path(), "converted.json", &reported(&["presets", "convert", &file]));
     let picture = |options: &[&str]| {
         let out = folder.path().join("picture.png");
         let fixed = ["--layout", "color", "--size", "64x48", "--out", out.to_str().unwrap()];
-        told(&[&["render", "--series", series.to_str().unwrap()][..], options, &fixed].concat());
+        reported(&[&["render", "--series", series.to_str().unwrap()][..], options, &fixed].concat());
         image::open(out).unwrap().into_rgb8()
     };
     let direct = picture(&["--transfer", &file]);

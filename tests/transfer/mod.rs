@@ -14,7 +14,7 @@ fn relief(arguments: &[&str]) -> Output {
 }
 
 /// The output of a command that succeeds.
-fn told(arguments: &[&str]) -> String {
+fn reported(arguments: &[&str]) -> String {
     let output = relief(arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {errors}");

@@ -3,11 +3,11 @@
 use relief_volume::PRESETS;
 use serde_json::Value;
 
-use super::{relief, told};
+use super::{relief, reported};
 
 #[test]
 fn the_list_has_every_preset_once_with_its_purpose_and_no_colours_off_a_terminal() {
-    let list = told(&["presets"]);
+    let list = reported(&["presets"]);
     for preset in PRESETS {
         let lines: Vec<&str> =
             list.lines().filter(|line| line.split_whitespace().next() == Some(preset.name)).collect();
@@ -22,7 +22,7 @@ fn the_list_has_every_preset_once_with_its_purpose_and_no_colours_off_a_terminal
 
 #[test]
 fn json_says_what_each_stands_for() {
-    let listed: Value = serde_json::from_str(&told(&["presets", "--json"])).unwrap();
+    let listed: Value = serde_json::from_str(&reported(&["presets", "--json"])).unwrap();
     let listed = listed["presets"].as_array().unwrap();
     assert_eq!(listed.len(), PRESETS.len());
     for (json, preset) in listed.iter().zip(PRESETS) {
@@ -38,10 +38,10 @@ fn json_says_what_each_stands_for() {
 fn every_thumbnail_shows_the_head_in_its_own_way() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("thumbnails");
-    let json = told(&["presets", "--json", "--thumbnails", folder.to_str().unwrap()]);
-    let told: Value = serde_json::from_str(&json).unwrap();
+    let json = reported(&["presets", "--json", "--thumbnails", folder.to_str().unwrap()]);
+    let reported: Value = serde_json::from_str(&json).unwrap();
     let mut pictures = Vec::new();
-    for (listed, preset) in told["thumbnails"].as_array().unwrap().iter().zip(PRESETS) {
+    for (listed, preset) in reported["thumbnails"].as_array().unwrap().iter().zip(PRESETS) {
         assert_eq!(listed["name"], preset.name);
         let picture = image::open(listed["file"].as_str().unwrap()).unwrap().into_rgb8();
         assert_eq!([picture.width(), picture.height()], [160, 120]);
@@ -51,7 +51,7 @@ fn every_thumbnail_shows_the_head_in_its_own_way() {
         pictures.push(picture);
     }
     assert_eq!(pictures.len(), PRESETS.len());
-    let sheet = image::open(told["contact_sheet"].as_str().unwrap()).unwrap().into_rgb8();
+    let sheet = image::open(reported["contact_sheet"].as_str().unwrap()).unwrap().into_rgb8();
     // The last thumbnail lies whole in the last row.
     let (last, row) = (pictures.last().unwrap(), (PRESETS.len() - 1) / 6);
     let column = (PRESETS.len() - 1) % 6;

@@ -75,13 +75,13 @@ impl Bucket {
         match &error {
             object_store::Error::NotFound { .. } if !says("NoSuchBucket") => Ok(()),
             object_store::Error::PermissionDenied { .. } if says("AccessDenied") => Ok(()),
-            _ => Err(told(error)),
+            _ => Err(io_error(error)),
         }
     }
 
     /// Writes an object; its hash is computed where it is not known.
     pub(super) fn put(&self, name: &str, bytes: Bytes, sha256: Option<&str>) -> std::io::Result<()> {
-        self.put_as(PutMode::Overwrite, name, bytes, sha256).map_err(told)
+        self.put_as(PutMode::Overwrite, name, bytes, sha256).map_err(io_error)
     }
 
     /// With `If-None-Match: *`: of several that write at once one does.
@@ -89,7 +89,7 @@ impl Bucket {
         match self.put_as(PutMode::Create, name, bytes, None) {
             Ok(()) => Ok(true),
             Err(object_store::Error::AlreadyExists { .. }) => Ok(false),
-            Err(error) => Err(told(error)),
+            Err(error) => Err(io_error(error)),
         }
     }
 
@@ -120,7 +120,7 @@ impl Bucket {
         });
         match read {
             Err(object_store::Error::NotFound { .. }) => Ok(None),
-            read => read.map_err(told),
+            read => read.map_err(io_error),
         }
     }
 
@@ -151,12 +151,12 @@ impl Bucket {
     pub(super) fn remove(&self, name: &str) -> std::io::Result<()> {
         match self.runtime.block_on(self.store.delete(&self.path(name))) {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(told(error)),
+            Err(error) => Err(io_error(error)),
         }
     }
 }
 
-fn told(error: object_store::Error) -> Error {
+fn io_error(error: object_store::Error) -> Error {
     let kind = match &error {
         object_store::Error::NotFound { .. } => ErrorKind::NotFound,
         object_store::Error::PermissionDenied { .. } | object_store::Error::Unauthenticated { .. } => {

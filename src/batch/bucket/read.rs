@@ -88,10 +88,10 @@ impl Bucket {
         let (mut hasher, mut said, mut at) = (Sha256::new(), None, 0);
         while at < object.size {
             let to = object.size.min(at + PART);
-            let (bytes, told) = self.part(object, at..to).await?;
+            let (bytes, found) = self.part(object, at..to).await?;
             hasher.update(&bytes);
             file.write_all(&bytes).await?;
-            (said, at) = (told, to);
+            (said, at) = (found, to);
         }
         file.flush().await?;
         let found = HEXLOWER.encode(&hasher.finalize());
@@ -141,14 +141,14 @@ fn unusable_name() -> Error {
 fn without_names(error: object_store::Error) -> Error {
     use object_store::Error as E;
     let (denied, no_bucket) = ("access is denied", "there is no such bucket");
-    let told = Error::new;
+    let refused = Error::new;
     match &error {
         E::NotFound { .. } if format!("{error:?}").contains("NoSuchBucket") => {
-            return told(ErrorKind::NotFound, no_bucket);
+            return refused(ErrorKind::NotFound, no_bucket);
         }
-        E::NotFound { .. } => return told(ErrorKind::NotFound, "an object is gone"),
+        E::NotFound { .. } => return refused(ErrorKind::NotFound, "an object is gone"),
         E::PermissionDenied { .. } | E::Unauthenticated { .. } => {
-            return told(ErrorKind::PermissionDenied, denied);
+            return refused(ErrorKind::PermissionDenied, denied);
         }
         E::Precondition { .. } => return Error::other("an object was altered while it was read"),
         _ => {}
@@ -163,10 +163,10 @@ fn without_names(error: object_store::Error) -> Error {
     // Listings have no errors of their own kinds.
     let cause = cause.to_string();
     if cause.contains("NoSuchBucket") {
-        return told(ErrorKind::NotFound, no_bucket);
+        return refused(ErrorKind::NotFound, no_bucket);
     }
     if ["403 Forbidden", "401 Unauthorized"].iter().any(|status| cause.contains(status)) {
-        return told(ErrorKind::PermissionDenied, denied);
+        return refused(ErrorKind::PermissionDenied, denied);
     }
     // Messages of a service may contain names; status codes do not.
     let said: String = cause

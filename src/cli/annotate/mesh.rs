@@ -81,7 +81,7 @@ pub(super) fn run(arguments: &MeshArguments, log: &LogArguments) -> anyhow::Resu
     } else if arguments.out.is_none() {
         bail!("item {:?} is a mesh already; give --out FILE, --smooth or --triangles", found.name);
     }
-    report(&item, &told(&mesh), arguments.json)?;
+    report(&item, &mesh_report(&mesh), arguments.json)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -91,7 +91,7 @@ fn format_of(path: &std::path::Path) -> anyhow::Result<MeshFormat> {
         .with_context(|| format!("cannot tell the format of {}; end it in one of {names}", path.display()))
 }
 
-fn told(mesh: &TriangleMesh) -> serde_json::Value {
+fn mesh_report(mesh: &TriangleMesh) -> serde_json::Value {
     let measures = mesh.measures();
     json!({
         "vertices": mesh.vertices.len(),

@@ -16,7 +16,7 @@ use relief_store::Filter;
     args_conflicts_with_subcommands = true,
     after_help = "\
 A set holds the items of one reader, or of one purpose. A set that items name needs no making: it
-is anybody's then. Only its reader sees a blinded set, and sees no other: for readers who are to be
+is open to every author then. Only its reader sees a blinded set, and sees no other: for readers who are to be
 compared.
 
 Examples:

@@ -48,7 +48,7 @@ Examples:
   relief batch work --nats nats://HOST:4222 --out s3://bucket/views  workers
 
 Exit status of run: 0 all done, 1 some jobs failed for good, 75 some failed that may succeed when run again.
-Exit status of work: 0 when it was told to stop or nothing is left, 75 when it had better be started anew.")]
+Exit status of work: 0 after a signal or when no job is left, 75 when it should be restarted.")]
 pub(super) struct BatchArguments {
     #[command(subcommand)]
     command: Command,
@@ -233,7 +233,7 @@ fn tell(
 /// Progress of a run: a bar on a terminal, a line now and then elsewhere.
 struct RunProgress {
     bar: ProgressBar,
-    told: Mutex<(Instant, usize)>,
+    printed: Mutex<(Instant, usize)>,
 }
 
 impl RunProgress {
@@ -242,27 +242,27 @@ impl RunProgress {
     fn new(jobs: usize) -> Self {
         let bar = bar("rendering");
         bar.set_length(jobs as u64);
-        Self { bar, told: Mutex::new((Instant::now(), 0)) }
+        Self { bar, printed: Mutex::new((Instant::now(), 0)) }
     }
 
     fn tell(&self, step: RunEvent<'_>) {
         self.bar.inc(1);
-        let Ok(mut told) = self.told.lock() else { return };
+        let Ok(mut printed) = self.printed.lock() else { return };
         if let RunEvent::Done(job, Record { picture_warning: Some(warning), .. }) = step {
             self.bar.suspend(|| eprintln!("warning: {}: {warning}", job.name()));
         }
         if let RunEvent::Failed(Failure { name, reason, .. }) = step {
-            told.1 += 1;
-            self.bar.set_message(format!("({} failed)", told.1));
+            printed.1 += 1;
+            self.bar.set_message(format!("({} failed)", printed.1));
             self.bar.suspend(|| eprintln!("failed: {name}: {reason}"));
         }
-        if !std::io::stderr().is_terminal() && told.0.elapsed() > Self::BETWEEN {
-            told.0 = Instant::now();
+        if !std::io::stderr().is_terminal() && printed.0.elapsed() > Self::BETWEEN {
+            printed.0 = Instant::now();
             tracing::info!(
                 "{} of {} jobs, {} failed",
                 self.bar.position(),
                 self.bar.length().unwrap_or(0),
-                told.1
+                printed.1
             );
         }
     }

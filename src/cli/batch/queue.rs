@@ -61,7 +61,7 @@ pub(crate) struct WorkArguments {
     #[command(flatten)]
     copies: CopiesArguments,
     /// Render series below this folder or s3://BUCKET/PREFIX alone, whatever a job names; may be given
-    /// several times [default: anywhere, which trusts whoever may publish to the stream]
+    /// several times [default: anywhere, which trusts every publisher of the stream]
     #[arg(long, value_name = "DIR")]
     root: Vec<Location>,
     /// Exit after this time without jobs [default: wait for jobs]

@@ -70,7 +70,7 @@ fn run_session(
         let work = async {
             let seq = watch.look(arguments.look).await;
             if save.is_none() {
-                std::future::pending::<()>().await; // relays and records until it is told to stop
+                std::future::pending::<()>().await; // relays and records until a signal stops it
             }
             tokio::time::timeout(STILL, watch.still_after(seq)).await
         };

@@ -207,7 +207,7 @@ async fn serve(
 ) -> anyhow::Result<ExitCode> {
     let listen = arguments.listen;
     let socket = bound(listen).with_context(|| format!("cannot listen on {listen}"))?;
-    let mut signal = Box::pin(stop_signal()?); // before anybody can know that it runs
+    let mut signal = Box::pin(stop_signal()?); // before the address is printed
     let mut failed = load(Arc::clone(&server))?.fuse();
     let probes = match arguments.identity.probe_listen {
         Some(address) => Some(probes(address, Arc::clone(&server))?),

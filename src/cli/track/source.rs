@@ -178,7 +178,7 @@ struct Open {
     device: std::fs::File,
     reports: Receiver<(Instant, Vec<u8>)>,
     host: Host,
-    told: bool,
+    reported: bool,
 }
 
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
@@ -222,8 +222,8 @@ impl Remote {
                 open.host.state() != HostState::Refused,
                 "the device refuses what every Wiimote takes; is it one? See --reports /dev/hidrawN"
             );
-            if !open.told && open.host.state() == HostState::Running {
-                open.told = true;
+            if !open.reported && open.host.state() == HostState::Running {
+                open.reported = true;
                 let accelerometer = open.host.calibrations().and_then(|known| known.accelerometer);
                 return Ok(Some(Event::Calibration(accelerometer, open.host.gyroscope())));
             }
@@ -271,7 +271,7 @@ impl Open {
             }
         };
         std::thread::Builder::new().name("hidraw".to_owned()).spawn(read)?;
-        Ok(Self { device, reports, host: Host::new(options), told: false })
+        Ok(Self { device, reports, host: Host::new(options), reported: false })
     }
 }
 

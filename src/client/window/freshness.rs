@@ -72,7 +72,7 @@ mod tests {
         let start = Instant::now();
         let at = |seconds: u64| start + Duration::from_secs(seconds);
         let mut picture = Freshness::new();
-        assert!(picture.is_stale(start), "there is none yet");
+        assert!(picture.is_stale(start), "no picture yet");
         picture.connected(1, false);
         assert!(picture.is_stale(start), "the first frame has not come");
         picture.frame(1);

@@ -153,7 +153,7 @@ impl Window {
         let ran = self.events.run_app(&mut app).map_err(|error| WindowError::Lost(error.into()));
         handle.stop();
         self.screen.stop();
-        let _ = composing.join(); // what it panicked about was told already
+        let _ = composing.join(); // its panic was reported already
         ran.and(app.outcome())
     }
 }

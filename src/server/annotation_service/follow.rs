@@ -1,8 +1,8 @@
 //! Publishes changes that other servers and programs make in the same log.
 //!
 //! What it is: [`follow`], a task that waits for notifications and reads the
-//! log, and the only place where events are published: in the order of the log, each once, whoever
-//! made them. What it is not: the notifications themselves (see `relief_store`). A lost
+//! log, and the only place where events are published: in the order of the log, each once, for all
+//! authors. What it is not: the notifications themselves (see `relief_store`). A lost
 //! notification does no harm, because events are always read from the last published one on.
 
 use std::sync::Arc;
@@ -28,15 +28,15 @@ pub(crate) async fn follow(annotations: &Annotations) {
             heard = watch.changed() => heard.map_err(Problem::from),
             () = annotations.behind.notified() => Ok(Changed::Anything),
         };
-        let told = match heard {
+        let outcome = match heard {
             Ok(changed) => {
-                let told = annotations.catch_up(changed).await;
+                let caught_up = annotations.catch_up(changed).await;
                 // Reported once until the log can be read again.
-                told.inspect_err(|_| annotations.behind.notify_one())
+                caught_up.inspect_err(|_| annotations.behind.notify_one())
             }
             Err(problem) => Err(problem),
         };
-        match told {
+        match outcome {
             Ok(()) => pause = FIRST_PAUSE,
             Err(problem) => {
                 // Once a failure, not once a try.
@@ -129,6 +129,6 @@ impl Annotations {
         **turn = Some(seq);
         self.newest.store(seq, Ordering::Relaxed);
         self.changes.send_modify(|changes| *changes += 1);
-        let _ = self.told.send(Arc::new(Published { seq, events, sets })); // nobody may listen
+        let _ = self.published.send(Arc::new(Published { seq, events, sets })); // nobody may listen
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Annotations {
     pub(crate) turn: tokio::sync::Mutex<Option<u64>>,
     /// Notified when the log has events that could not be published yet.
     pub(crate) behind: Notify,
-    pub(crate) told: broadcast::Sender<Arc<Published>>,
+    pub(crate) published: broadcast::Sender<Arc<Published>>,
     /// Number of the last published event.
     pub(crate) newest: AtomicU64,
     /// Counts whatever changes pictures, sets included.
@@ -50,7 +50,7 @@ impl Annotations {
             structures: Arc::new(Semaphore::new(1)),
             turn: tokio::sync::Mutex::default(),
             behind: Notify::new(),
-            told: broadcast::Sender::new(BEHIND),
+            published: broadcast::Sender::new(BEHIND),
             newest: AtomicU64::new(0),
             changes: watch::Sender::new(0),
         }
@@ -58,7 +58,7 @@ impl Annotations {
 
     /// Receives the events that are published from now on.
     pub(crate) fn listen(&self) -> broadcast::Receiver<Arc<Published>> {
-        self.told.subscribe()
+        self.published.subscribe()
     }
 
     /// Number of the last published event.

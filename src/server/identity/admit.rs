@@ -20,7 +20,7 @@ use crate::state::{AppState, Config};
 /// The name of the cookie of a browser that is signed in. Its value is the token: every server of a
 /// cluster recognises it, and none accepts it once the token is removed.
 pub(super) const COOKIE: &str = "relief_sign_in";
-/// The route of live sessions. Browsers send cookies with any WebSocket, whoever's page opens it,
+/// The route of live sessions. Browsers send cookies with any WebSocket, from any page,
 /// so here a cookie is no proof: pages redeem a ticket.
 const SESSION: &str = "/v1/session";
 

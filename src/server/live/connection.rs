@@ -306,7 +306,7 @@ impl Connected {
         frames.mark_changed();
         let mut ping = tokio::time::interval(self.parts.live.config.ping);
         ping.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        let mut told = None;
+        let mut sent_state = None;
         loop {
             let has_capacity = self.viewer.flow().has_capacity();
             let sent = tokio::select! {
@@ -320,7 +320,7 @@ impl Connected {
                     let message = ServerMessage::Peers(*peers.borrow_and_update());
                     writer.send(text(&message.to_text())).await
                 }
-                heard = heard(&mut edits) => match self.told(heard) {
+                heard = heard(&mut edits) => match self.event_message(heard) {
                     Some(message) => writer.send(text(&message)).await,
                     None => Ok(()),
                 },
@@ -335,7 +335,7 @@ impl Connected {
                 _ = frames.changed(), if has_capacity => {
                     let view_frame = frames.borrow_and_update().clone();
                     match view_frame {
-                        Some(view_frame) => match self.send_frame(writer, view_frame, &mut told).await {
+                        Some(view_frame) => match self.send_frame(writer, view_frame, &mut sent_state).await {
                             Ok(sent) => sent,
                             Err(problem) => {
                                 let _ = writer.send(text(&error(&problem, true))).await;
@@ -353,11 +353,11 @@ impl Connected {
     }
 
     /// The message about an edit; if the client missed edits, the request to read the whole state.
-    fn told(&self, heard: Option<Arc<Published>>) -> Option<String> {
+    fn event_message(&self, heard: Option<Arc<Published>>) -> Option<String> {
         let message = match heard {
             Some(published) => {
                 let frame = self.session.view.entry().frame_of_reference();
-                placing::told(&published, &frame, self.session.author.as_deref())?
+                placing::event_message(&published, &frame, self.session.author.as_deref())?
             }
             None => {
                 let seq = self.parts.annotations.as_ref().map_or(0, |annotations| annotations.newest());
@@ -372,7 +372,7 @@ impl Connected {
         &self,
         writer: &mut Writer,
         view_frame: Arc<ViewFrame>,
-        told: &mut Option<Arc<str>>,
+        sent_state: &mut Option<Arc<str>>,
     ) -> Result<Result<(), axum::Error>, Problem> {
         let quality = {
             let mut flow = self.viewer.flow();
@@ -411,8 +411,8 @@ impl Connected {
         if !view_frame.is_still {
             metrics.overhead(f64::from(header.overhead_us()) / 1e3);
         }
-        if told.as_ref() != Some(&view_frame.state) {
-            *told = Some(Arc::clone(&view_frame.state));
+        if sent_state.as_ref() != Some(&view_frame.state) {
+            *sent_state = Some(Arc::clone(&view_frame.state));
             if let Err(error) = writer.feed(text(&view_frame.state)).await {
                 return Ok(Err(error));
             }

@@ -252,7 +252,7 @@ pub(super) fn text(message: AnnotationsMessage) -> String {
 }
 
 /// Events for a client that sees these sets of this volume; `None` where none is for it.
-pub(super) fn told(
+pub(super) fn event_message(
     published: &Published,
     frame: &relief_annotation::FrameOfReference,
     author: Option<&str>,

@@ -19,7 +19,7 @@ pub(super) struct Remote {
     gestures: Gestures,
     options: HandOptions,
     tracker: Option<Box<Tracker>>,
-    told: Option<(TrackingState, Instant)>,
+    reported: Option<(TrackingState, Instant)>,
     /// Where the device was seen last.
     last: Option<HandPose>,
 }
@@ -31,7 +31,7 @@ impl Remote {
         let options = HandOptions::default();
         let gestures =
             Gestures::new(options.clone()).map_err(|error| Problem::internal("gestures", error))?;
-        Ok(Self { gestures, options, tracker: None, told: None, last: None })
+        Ok(Self { gestures, options, tracker: None, reported: None, last: None })
     }
 
     pub(super) fn set_grab_mode(&mut self, grab_mode: GrabMode) -> Result<(), Problem> {
@@ -85,10 +85,10 @@ impl Remote {
         let hand = HandSample::from(&sample);
         self.last = hand.pose.or(self.last);
         intents.extend(self.gestures.track(&hand));
-        let is_due = self.told.is_none_or(|(state, at)| state != sample.state || now - at >= TELL);
+        let is_due = self.reported.is_none_or(|(state, at)| state != sample.state || now - at >= TELL);
         let tracking = TrackingMessage { state: sample.state, leds: sample.leds, rms_px: sample.rms_px };
         if is_due {
-            self.told = Some((sample.state, now));
+            self.reported = Some((sample.state, now));
         }
         Ok((intents, is_due.then_some(tracking)))
     }
@@ -105,7 +105,7 @@ impl Remote {
     /// The hand is gone.
     pub(super) fn end(&mut self) -> Vec<Intent> {
         self.tracker = None;
-        self.told = None;
+        self.reported = None;
         self.gestures.end()
     }
 }

@@ -1,5 +1,5 @@
-// The state in the address: a reload or a link shows the same view. Whatever is not usable there is
-// as it usually is.
+// The state in the address: a reload or a link shows the same view. Invalid values are replaced by
+// the defaults.
 
 import { keptCrop, recalledCrop } from "./crop.js";
 import { kept as keptLabels, recalled as recalledLabels } from "./labels.js";
@@ -10,15 +10,15 @@ import { $, VIEWS, overlayBoxes, state } from "./state.js";
 import { clamp } from "./vectors.js";
 import { HOME } from "./view.js";
 
-/** What a display is told; kept where it is another than these. */
+/** Defaults of the display settings; other values are kept in the address. */
 const USUAL = { profile: "", factor: 64, offset: 128 };
 
-/** Between two changes of the address: browsers refuse more than 100 in 30 s. */
+/** Least time between two changes of the address, ms: browsers refuse more than 100 in 30 s. */
 const BETWEEN_MS = 400;
 let written = -BETWEEN_MS;
 let waiting = null;
 
-/** Keeps the state in the address: at once, or soon where it changes often. */
+/** Writes the state into the address: immediately, or delayed if it changes often. */
 export function remember() {
   if (!state.volume || waiting !== null) return;
   const wait = written + BETWEEN_MS - performance.now();
@@ -26,7 +26,7 @@ export function remember() {
   waiting = setTimeout(write, wait);
 }
 
-// Changes that are not in the address yet are written when the page closes.
+// Pending changes are written when the page closes.
 addEventListener("pagehide", () => waiting !== null && write());
 
 function write() {
@@ -46,7 +46,7 @@ function write() {
   history.replaceState(null, "", `#${new URLSearchParams(parts)}`);
 }
 
-/** Takes the state out of the address, of what the menus have; gives the volume that is wanted there, by its id. */
+/** Reads the state from the address, limited to values that the menus offer; returns the id of its volume. */
 export function recall(presets) {
   const kept = new URLSearchParams(location.hash.slice(1));
   const number = (name, otherwise) => {

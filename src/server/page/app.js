@@ -54,7 +54,7 @@ function asked() {
   describe();
 }
 
-/** Says in words and letters from where the volume is seen, and keeps it in the address. */
+/** Displays the direction of view, and keeps it in the address. */
 function describe() {
   const { azimuth, elevation, zoom, shift } = state.pose;
   const pose = [`azimuth ${azimuth.toFixed(0)}°`, `elevation ${elevation.toFixed(0)}°`, `zoom ${zoom.toFixed(2)}`];
@@ -86,7 +86,7 @@ function setPose(change, { moving = true } = {}) {
   refresh({ moving });
 }
 
-/** Another plane through the same place, or the volume again. */
+/** Switches to a plane through the same position, or back to the volume. */
 function showPlane(plane) {
   if (plane !== state.slice.plane) cine.stop();
   state.slice = { ...state.slice, plane };
@@ -94,7 +94,7 @@ function showPlane(plane) {
   refresh();
 }
 
-/** Moves the picture by shares of its height, to the right and down. */
+/** Moves the picture by fractions of its height, to the right and down. */
 function pan(by) {
   if (!state.volume) return;
   if (slicing()) return setSlice((slice) => dragged(slice, state.volume, by, aspect()));
@@ -251,7 +251,7 @@ for (const id of ["factor", "offset"]) {
     state[id] = Number(target.value);
     describeHeader();
     preview.changed();
-    // The depth view shows their effect at once; a frame has to be made anew.
+    // The depth view applies them locally; a frame has to be requested again.
     if (state.view === "frame") return refresh({ moving: true });
     stage.draw();
     remember();
@@ -264,7 +264,7 @@ function describeHeader() {
   $("offset-value").textContent = String(state.offset);
 }
 
-/** Puts the state into all controls. */
+/** Updates all controls from the state. */
 function showState() {
   for (const [id, key] of [["mode", "mode"], ["layout", "layout"], ["profile", "profile"], ["depth-filter", "depthFilter"], ["depth-rule", "depthRule"]]) {
     $(id).value = state[key];
@@ -374,7 +374,7 @@ async function listVolumes() {
   return listed.loading;
 }
 
-/** Waits for the first volume, and for those still on their way. */
+/** Waits for the first volume, and for those that are still loading. */
 async function awaitVolumes(wanted) {
   for (;;) {
     const loading = await listVolumes();
@@ -403,7 +403,7 @@ async function start() {
   await awaitVolumes(wanted);
 }
 
-/** What renders: known as soon as there is something to render. */
+/** Displays the name of the adapter, which is known once a volume is loaded. */
 async function describeAdapter() {
   const { adapter } = await (await request("/readyz")).json();
   Object.assign($("adapter"), { textContent: adapter, title: adapter });

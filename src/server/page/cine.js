@@ -3,7 +3,7 @@
 // The next slice is requested after the previous one is shown. A slow server plays more slowly, and
 // no slice is left out.
 
-/** Slices a second to begin with. */
+/** Initial rate, slices per second. */
 const RATE = 10;
 
 export class Cine {
@@ -33,7 +33,7 @@ export class Cine {
     this.rest();
   }
 
-  /** A picture is shown. */
+  /** Called when a picture is displayed. */
   shown() {
     if (!this.playing) return;
     clearTimeout(this.#timer);

@@ -1,5 +1,5 @@
-// Crop: the part of the volume that is shown, a box with a slider and a handle for each side, and
-// whether the table is shown.
+// Crop: the visible part of the volume, a box with a slider and a handle for each side; and the
+// visibility of the table.
 //
 // Patient coordinates (LPS), mm. A box is its lowest and its highest corner; null is the whole
 // volume.
@@ -15,25 +15,25 @@ const LEAST_MM = 5;
 const STEP_MM = 2;
 const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
-/** Query parameters of what is shown of the volume. */
+/** Query parameters of the visible part of the volume. */
 export function cropQuery({ crop, table }) {
   const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
   return table === "keep" ? { ...box, table } : box;
 }
 
-/** What an address keeps; nothing of the whole volume without its table. */
+/** The part of the address for the crop box and the table; defaults are left out. */
 export function keptCrop({ crop, table }) {
   return { ...(crop ? { crop: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {}), ...(table === "keep" ? { table } : {}) };
 }
 
-/** Box and table of an address. */
+/** Reads box and table from an address. */
 export function recalledCrop(words) {
   const mm = (words.get("crop") ?? "").split(",").map(Number);
   const isBox = words.get("crop") && mm.length === 6 && mm.every(Number.isFinite) && [0, 1, 2].every((i) => mm[i] < mm[i + 3]);
   return { crop: isBox ? [mm.slice(0, 3), mm.slice(3)] : null, table: words.get("table") === "keep" ? "keep" : "remove" };
 }
 
-/** The box with a side moved to `mm`, within the volume; null when it is the whole again. */
+/** The box with a side moved to `mm`, within the volume; null if it is the whole volume again. */
 function withSide(crop, bounds, axis, corner, mm) {
   const box = (crop ?? bounds).map((place) => [...place]);
   const other = box[1 - corner][axis];
@@ -51,8 +51,8 @@ export class Crop {
   #handles;
 
   /**
-   * `panel` gets a slider for each side, `layer` the handles, which are shown while `group` is open; `shown` gives the picture that
-   * is shown, `changed` is called with changes of the state.
+   * `panel` gets a slider for each side, `layer` gets the handles, which are visible while `group` is open; `shown` returns the
+   * displayed picture, `changed` is called with changes of the state.
    */
   constructor({ panel, layer, group, state, shown, changed }) {
     Object.assign(this, { layer, group, state, shown, changed });
@@ -61,7 +61,7 @@ export class Crop {
     group.addEventListener("toggle", () => this.draw());
   }
 
-  /** The box of the state in the controls, and the handles on the picture that is shown. */
+  /** Updates the controls from the state, and the handles on the displayed picture. */
   draw() {
     const { volume, crop, slice } = this.state;
     if (!volume) return;
@@ -137,7 +137,7 @@ export class Crop {
     return handle;
   }
 
-  /** How a handle moves on the screen when its side moves by one mm, CSS pixels. */
+  /** Movement of a handle on the screen for one mm of its side, CSS pixels. */
   #pixelsPerMm(projection, axis, corner) {
     const box = this.state.crop ?? this.state.volume.bounds_mm;
     const middle = middleOf(box, axis, corner);

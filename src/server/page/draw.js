@@ -1,11 +1,11 @@
-// Draws a fetched picture in the view that is chosen. Rows and columns are those of the picture,
+// Draws a fetched picture in the chosen view. Rows and columns are those of the picture,
 // not of the stage.
 
 /**
  * Draws `shown` ({ bitmap, kind }): kind "rgbd" has colour on the left and disparity on the right, "color" and
  * "frame" are shown as they are. `view` is picture, depth, split or frame; `split` is where depth begins, 0 to 1.
- * `room` is the width in device pixels: a frame with more is shrunk here by a whole number, which averages its black
- * lines away without beats; one that fits keeps its pixels.
+ * `room` is the width in device pixels: a larger frame is reduced by an integer factor, which averages its black lines
+ * without moiré; one that fits keeps its pixels.
  */
 export function drawPicture(context, { bitmap, kind }, { view, split, factor, offset }, room) {
   const { canvas } = context;
@@ -24,7 +24,7 @@ export function drawPicture(context, { bitmap, kind }, { view, split, factor, of
   if (from < width) drawDepth(context, bitmap, from, { factor, offset });
 }
 
-/** The depth half as a display with this factor and offset takes it: brighter is nearer, mid-grey is the screen. */
+/** The depth half as a display with this factor and offset interprets it: brighter is nearer, mid-grey is the screen. */
 function drawDepth(context, bitmap, from, { factor, offset }) {
   const [half, height] = [bitmap.width / 2, bitmap.height];
   const width = half - from;

@@ -2,7 +2,7 @@
 
 import { request } from "./view.js";
 
-/** Saves an answer under a name. */
+/** Saves a response as a file. */
 export async function saveAs(name, url, accept) {
   const answer = await request(url, { headers: { Accept: accept } });
   const link = document.createElement("a");
@@ -12,13 +12,13 @@ export async function saveAs(name, url, accept) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** Uploads the zip of a series; gives the description of the volume it became. */
+/** Uploads a series as a zip; returns the description of its volume. */
 export async function uploadZip(file) {
   const headers = { "Content-Type": "application/zip" };
   return (await request("/v1/volumes", { method: "POST", headers, body: file })).json();
 }
 
-/** Calls back with a file that is chosen with one of the buttons or dropped on the stage. */
+/** Calls back with a file that the user chooses with a button or drops on the stage. */
 export function onFile(stage, buttons, input, take) {
   for (const button of buttons) button.addEventListener("click", () => input.click());
   input.addEventListener("change", () => {

@@ -1,6 +1,6 @@
 // Mouse, touch and wheel on the stage as gestures: turn, zoom, click, move the divider.
 
-/** A press that travels less than this is a click, CSS pixels. */
+/** A press that moves less than this is a click, CSS pixels. */
 const CLICK_PIXELS = 4;
 
 /** Position in an element, as fractions of its width and height. */
@@ -9,7 +9,7 @@ function fractions(element, event) {
   return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
 }
 
-/** What two fingers do: how much farther apart they are than before, and by how much their middle moved, CSS pixels. */
+/** A gesture of two fingers: the ratio of their distances, and the movement of their midpoint, CSS pixels. */
 export function pinch(before, after) {
   const apart = ([a, b]) => Math.max(1, Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY));
   const middle = ([a, b]) => [(a.clientX + b.clientX) / 2, (a.clientY + b.clientY) / 2];
@@ -18,9 +18,9 @@ export function pinch(before, after) {
 }
 
 /**
- * Calls back with what is done on the stage: `turn(dx, dy)` and `pan(dx, dy)` in CSS pixels, `zoom(ratio, { wheel, at })` with the
- * event of a wheel or the place between two fingers, `click([x, y], event)` and `double()`. One finger turns, two zoom and move; with Shift
- * or the right button a mouse moves, too: `pan` has its event then.
+ * Calls back with gestures on the stage: `turn(dx, dy)` and `pan(dx, dy)` in CSS pixels, `zoom(ratio, { wheel, at })` with the
+ * wheel event or the midpoint of two fingers, `click([x, y], event)` and `double()`. One finger turns, two zoom and pan; a mouse
+ * with Shift or the right button pans, and passes its event.
  */
 export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
   const pointers = new Map();
@@ -76,7 +76,7 @@ export function onGestures(stage, divider, { turn, pan, zoom, click, double }) {
   stage.addEventListener("wheel", byWheel, { passive: false });
 }
 
-/** Calls back with where the divider is dragged or stepped to, as a fraction of the stage's width. */
+/** Calls back with the position of the dragged or stepped divider, as a fraction of the stage's width. */
 export function onDivider(stage, divider, moveTo) {
   divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
   divider.addEventListener("pointermove", (event) => {

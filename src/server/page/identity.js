@@ -1,17 +1,17 @@
-// Who is signed in, the way to the sign-in page, and tickets for WebSockets.
+// The signed-in user, redirection to the sign-in page, and tickets for WebSockets.
 
-/** Leaves for the sign-in page, which leads back here. */
+/** Opens the sign-in page, which returns to this one. */
 export function signIn() {
   location.assign(`/sign-in?next=${encodeURIComponent(location.pathname + location.hash)}`);
 }
 
-/** `{ required, name, scope, sign_out }`: on an open server, nobody has to sign in. */
+/** `{ required, name, scope, sign_out }`: an open server requires no sign-in. */
 async function whoAmI() {
   const answer = await fetch("/v1/identity", { cache: "no-store" });
   return answer.ok ? answer.json() : { required: false, name: null, scope: null, sign_out: false };
 }
 
-/** Adds a ticket to the address of a WebSocket where the server asks for one: a cookie opens none. */
+/** Adds a ticket to the address of a WebSocket if the server requires one: it accepts no cookie there. */
 export async function withTicket(url) {
   // With the same query, so that a load balancer sends both to the same server.
   const answer = await fetch(`/v1/session/ticket${url.search}`, { method: "POST" }).catch(() => null);
@@ -20,7 +20,7 @@ export async function withTicket(url) {
   return url;
 }
 
-/** Shows in `button` who is signed in; pressing it signs out. */
+/** Displays the signed-in user in `button`, which signs out. */
 export async function showIdentity(button) {
   const identity = await whoAmI();
   button.hidden = !identity.sign_out;

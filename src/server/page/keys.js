@@ -1,4 +1,4 @@
-// The main page's keyboard. Arrows belong to a control that has the focus and moves by them.
+// The main page's keyboard. A focused control that uses arrows keeps them.
 
 import { $, showHelp, slicing, state } from "./state.js";
 
@@ -6,14 +6,14 @@ const SIDES = { a: [0, 0], p: [180, 0], l: [90, 0], r: [-90, 0], s: [0, 90], i: 
 const TURNING = /^(Arrow.*|Home|[+=\-_0])$/;
 const ZOOM = 1.15;
 const RATIOS = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM, _: 1 / ZOOM };
-/** Where arrows turn to: steps of azimuth and of elevation. */
+/** Rotation of each arrow: steps of azimuth and elevation. */
 const TURNS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-/** How far an arrow moves the picture, of its height. */
+/** Distance that an arrow moves the picture, in fractions of its height. */
 const STEP = 0.05;
 const SHIFTS = { ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP] };
 const PAGES = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 };
 
-/** `moves` are those of the page: pose, slice by pages, zoom, pan, plane, reset and so on. */
+/** `moves` has the actions of the page: pose, slice, zoom, pan, plane, reset and so on. */
 export function onKeys(moves) {
   const turnOrZoom = ({ key, shiftKey, ctrlKey }) => {
     if (RATIOS[key]) return moves.zoom(RATIOS[key]);

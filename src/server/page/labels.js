@@ -1,30 +1,30 @@
 // The segments of a volume with a label map: a list with a check box and a colour for each, an
 // entry for voxels without a segment, and the strength of the tint.
 
-/** Modes that show segments; slices do as well. */
+/** Modes that show segments, apart from slices. */
 const SHOWN_BY = ["composite", "mip", "minip"];
-/** What has no segment, as a label. */
+/** The label of voxels without a segment. */
 const NONE = 0;
 const USUAL_TINT = 50;
 
-/** Labels that are cut away, and the tint in percent. */
+/** Hidden labels, and the tint in percent. */
 export const ALL_SHOWN = Object.freeze({ cut: [], tint: USUAL_TINT });
 
 const $ = (id) => document.getElementById(id);
 
-/** Query parameters for the segments of the state's volume; none where it has none or its mode shows none. */
+/** Query parameters for the segments of the state's volume; none without segments or in modes that do not show them. */
 export function labelQuery({ labels, volume, mode, slice }) {
   if (!volume?.segments || !(slice.plane || SHOWN_BY.includes(mode))) return {};
   const cut = labels.cut.length ? { cut_labels: labels.cut.join(",") } : {};
   return { ...cut, label_tint: labels.tint / 100 };
 }
 
-/** What an address keeps; nothing of what is usual. */
+/** The part of the address for segments; defaults are left out. */
 export function kept({ cut, tint }) {
   return { ...(cut.length ? { cut: cut.join(",") } : {}), ...(tint === USUAL_TINT ? {} : { tint }) };
 }
 
-/** The segments of an address. */
+/** Reads the state of segments from an address. */
 export function recalled(words) {
   const cut = (words.get("cut") ?? "").split(",").filter(Boolean).map(Number);
   const tint = Number(words.get("tint") ?? USUAL_TINT);
@@ -66,7 +66,7 @@ function describe({ cut, tint }) {
   $("label-tint-value").textContent = `${tint} %`;
 }
 
-/** Calls back with the segments whenever they change, and whether they are still changing. */
+/** Calls back when segments change, with whether the control is still moving. */
 export function onSegments(current, changed) {
   const change = (part, moving = false) => {
     const labels = { ...current(), ...part };

@@ -2,17 +2,17 @@
 
 const $ = (id) => document.getElementById(id);
 
-/** How much of the shadows of placed lights shows. */
+/** Strength of the shadows of placed lights. */
 const SHADOWS = 0.85;
-/** The light that there is without any. */
+/** The default light. */
 const USUAL = "headlight";
 const CAST = ["composite", "isosurface"];
 
 export const NO_LIGHT = Object.freeze({ lights: USUAL, occlusion: 0 });
 
 /**
- * Query parameters of the light. The lights go with the viewer, so that their shadows have to be made anew whenever the
- * volume turns: while it moves there are none.
+ * Query parameters of the light. Lights are attached to the viewer, so their shadows have to be computed again when the
+ * volume rotates: there are none while it moves.
  */
 export function lightQuery({ mode, light: { lights, occlusion } }, moving) {
   const isCast = CAST.includes(mode);
@@ -23,7 +23,7 @@ export function lightQuery({ mode, light: { lights, occlusion } }, moving) {
   return query;
 }
 
-/** Shows what the state has; the controls are there where they do something. */
+/** Updates the controls from the state; hides those without effect. */
 export function describeLight({ mode, light: { lights, occlusion } }) {
   const isCast = CAST.includes(mode);
   $("lights-field").hidden = !isCast && mode !== "path-traced";
@@ -33,12 +33,12 @@ export function describeLight({ mode, light: { lights, occlusion } }) {
   $("occlusion-value").textContent = occlusion > 0 ? `${occlusion} %` : "off";
 }
 
-/** Fills the menu with the sets of lights that the server has. */
+/** Fills the menu with the light sets of the server. */
 export function fillLights(names) {
   $("lights").replaceChildren(...names.map((name) => new Option(name[0].toUpperCase() + name.slice(1), name)));
 }
 
-/** Puts what is chosen into the state, and says so. */
+/** Writes the chosen light into the state and calls back. */
 export function onLight(state, changed) {
   $("lights").addEventListener("change", ({ target }) => {
     state.light = { ...state.light, lights: target.value };
@@ -51,12 +51,12 @@ export function onLight(state, changed) {
   });
 }
 
-/** What an address keeps of the light. */
+/** The part of the address for the light. */
 export function keptLight({ lights, occlusion }) {
   return { ...(lights === USUAL ? {} : { lights }), ...(occlusion > 0 ? { occlusion } : {}) };
 }
 
-/** The light of an address, of what the menu has. */
+/** Reads the light from an address, limited to the entries of the menu. */
 export function recalledLight(kept) {
   const names = [...$("lights").options].map((option) => option.value);
   const lights = names.includes(kept.get("lights")) ? kept.get("lights") : USUAL;

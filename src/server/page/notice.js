@@ -1,4 +1,4 @@
-// Sentences for people, over the picture: what happened, or what went wrong and what to do.
+// Messages over the picture: events, and errors with what to do.
 
 import { $ } from "./state.js";
 import { Refusal } from "./view.js";
@@ -13,7 +13,7 @@ export function notify(text, isError = false) {
   if (!isError) setTimeout(() => (notice.hidden ||= notice.textContent === text), SHOWN_MS);
 }
 
-/** Tells an error; null tells that things work again. */
+/** Displays an error; null clears it. */
 export function showFailure(error) {
   if (error) return notify(error instanceof Refusal ? error.message : `The picture cannot be shown: ${error.message}`, true);
   if ($("notice").classList.contains("error")) $("notice").hidden = true;

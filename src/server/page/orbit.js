@@ -1,16 +1,16 @@
-// The camera as an orbit around a place in the patient: angles in degrees, zoom, and where it
-// looks. It touches no element.
+// The camera as an orbit around a patient position: angles in degrees, zoom, and focal point. It
+// accesses no element.
 //
-// An orbit around the middle of the tissue is requested by its angles. A shifted orbit is written as a
-// camera, by the formulas of the server's `camera::Orbit`, so that a shift moves the picture and
-// changes nothing else.
+// An orbit around the centre of the tissue is requested by its angles. A shifted orbit is requested
+// as a camera, with the formulas of the server's `camera::Orbit`, so that a shift only moves the
+// picture.
 
 import { add, clamp, length, scale } from "./vectors.js";
 
 const round = (value, digits) => Number(value.toFixed(digits));
 const words = (vector, digits = 3) => vector.map((value) => round(value, digits)).join(",");
 
-/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. `shift` is from the middle of the tissue, mm, null for none. */
+/** Keeps a pose in range: azimuth wraps, elevation ends at the poles. `shift`: from the centre of the tissue, mm, or null. */
 export function normalized({ azimuth, elevation, zoom, shift = null }) {
   return {
     azimuth: ((((azimuth + 180) % 360) + 360) % 360) - 180,
@@ -20,7 +20,7 @@ export function normalized({ azimuth, elevation, zoom, shift = null }) {
   };
 }
 
-/** Unit vectors of a view: from the patient to the eye, and what is upwards and to the right in the picture. */
+/** Unit vectors of a view: from the patient to the eye, up, and right. */
 export function directionsOf({ azimuth, elevation }) {
   const [a, e] = [azimuth, elevation].map((degrees) => (degrees * Math.PI) / 180);
   return {
@@ -30,10 +30,10 @@ export function directionsOf({ azimuth, elevation }) {
   };
 }
 
-/** The radius of the sphere that zoom 1 fits into the picture's height, mm. */
+/** Radius of the sphere that fits into the picture's height at zoom 1, mm. */
 const radiusOf = ({ framing }) => framing.radius_mm;
 
-/** Distance of the eye and height of the picture where it looks, mm. A field of view of 0 is a parallel projection. */
+/** Distance of the eye, and height of the picture at the focal point, mm. A field of view of 0 is a parallel projection. */
 function measuresOf(volume, zoom, fieldOfView) {
   const radius = radiusOf(volume);
   if (fieldOfView === 0) return { distance: 3 * radius, height: (2 * radius) / zoom };
@@ -58,8 +58,8 @@ export function orbitQuery(pose, volume, fieldOfView, fitted) {
 }
 
 /**
- * The pose after its picture was dragged by shares of the picture's height, to the right and down. `fit` is what the picture's shape
- * makes of the zoom, see `fitOf`.
+ * The pose after dragging its picture by fractions of its height, to the right and down. `fit` corrects the zoom for the
+ * shape of the picture, see `fitOf`.
  */
 export function shifted(pose, volume, fieldOfView, fit, [dx, dy]) {
   const { up, right } = directionsOf(pose);
@@ -70,7 +70,7 @@ export function shifted(pose, volume, fieldOfView, fit, [dx, dy]) {
   return { ...pose, shift: far > 1 ? scale(shift, 1 / far) : shift };
 }
 
-/** The pose after zooming at a place of the picture, in fractions of its size: what is seen there stays there. */
+/** The pose after zooming around a position in the picture, in fractions of its size. */
 export function zoomedAt(pose, volume, fieldOfView, [width, height], ratio, [x, y]) {
   const nearer = normalized({ ...pose, zoom: pose.zoom * ratio });
   const grown = nearer.zoom / pose.zoom - 1;
@@ -78,5 +78,5 @@ export function zoomedAt(pose, volume, fieldOfView, [width, height], ratio, [x, 
   return shifted(nearer, volume, fieldOfView, fitOf([width, height], volume), by);
 }
 
-/** The server fits a volume to a picture's height: one that is narrower than the volume needs has to stand back for it. */
+/** Correction of the zoom for narrow pictures: the server fits the volume to the picture's height only. */
 export const fitOf = ([width, height], { framing }) => Math.min(1, width / height / framing.narrowest_aspect);

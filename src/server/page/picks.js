@@ -1,5 +1,5 @@
-// Clicks ask for the patient position under them in the very picture that is shown; a marker stays
-// on its place in the patient. A second place, clicked with Shift, is measured from the first.
+// Picking: a click requests the patient position under it in the displayed picture. A marker stays at
+// that position. A second click with Shift measures the distance from the first.
 
 import { notify, showFailure } from "./notice.js";
 import { Projection } from "./projection.js";
@@ -23,24 +23,24 @@ const distanceWords = (from, to) => [["Distance", `${distance(from, to).toFixed(
 
 export class Picks {
   #pick = null;
-  /** The place that the pick is measured from. */
+  /** The position from which the distance is measured. */
   #from = null;
-  /** Counts what was asked: an answer that comes behind that of a later click is of no use. */
+  /** Number of the latest request: the response to an earlier click is discarded. */
   #asked = 0;
 
-  /** `shown` gives the picture that is shown. */
+  /** `shown` returns the displayed picture. */
   constructor(shown) {
     this.shown = shown;
   }
 
-  /** Asks what is shown at a point of the stage, in fractions of its width and height; `measures` from the pick before. */
+  /** Picks at a point of the stage, in fractions of its width and height; with `measures`, measures from the previous pick. */
   async at([x, y], measures = false) {
     const picture = this.shown();
     if (!picture?.query) return;
     const { query, size } = picture;
     const number = (this.#asked += 1);
     const at = new URLSearchParams(query);
-    // Of a picture under a budget the whole one is asked: it is on its way already.
+    // A picture under a time budget is incomplete: pick in the complete one, which is already requested.
     at.delete("budget_ms");
     at.set("u", Math.min(size[0] - 0.01, x * size[0]).toFixed(2));
     at.set("v", Math.min(size[1] - 0.01, y * size[1]).toFixed(2));
@@ -59,11 +59,11 @@ export class Picks {
     this.draw();
   }
 
-  /** Puts the marker where its place is in the picture that is shown. */
+  /** Moves the marker to its position in the displayed picture. */
   draw() {
     const pick = this.#pick;
     const picture = this.shown();
-    // A frame is for a display: nothing may lie over it.
+    // A frame is meant for a display: no marker may cover it.
     const overlays = state.view !== "frame";
     $("picked").hidden = !pick || !overlays;
     const isSeen = pick && overlays && picture?.camera && picture.kind !== "frame";

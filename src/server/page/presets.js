@@ -1,9 +1,9 @@
 // The presets as a grid of thumbnails: one radio button each, with a small picture of the volume
-// that is shown.
+// that is displayed.
 //
-// Pictures come one at a time, only those in sight, and only while nothing else is being rendered.
+// Thumbnails are requested one at a time, only visible ones, and only while no other picture is rendered.
 
-/** How long to wait before asking again whether it is a good time, and after a picture that failed, ms. */
+/** Delays before trying again: while other pictures are rendered, and after a failure, ms. */
 const PAUSE_MS = 150;
 const AFTER_FAILURE_MS = 2000;
 const MOST_TRIES = 3;
@@ -16,7 +16,7 @@ export class PresetGrid {
   #path = null;
   #loading = false;
 
-  /** `isBusy` says whether pictures have to wait. Choosing one ends in a `change` event of an input "preset". */
+  /** `isBusy` returns whether thumbnails have to wait. Choosing one fires a `change` event of an input "preset". */
   constructor(box, scroller, isBusy) {
     Object.assign(this, { box, isBusy });
     this.observer = new IntersectionObserver((entries) => this.#look(entries), { root: scroller, rootMargin: "80px" });
@@ -29,7 +29,7 @@ export class PresetGrid {
     for (const { label } of this.#cells) this.observer.observe(label);
   }
 
-  /** Shows the presets whose name or purpose has all words of a text; says how many. */
+  /** Shows the presets whose name or purpose contains all words of a text; returns their number. */
   find(text) {
     const words = text.toLowerCase().split(/\s+/);
     const fits = ({ label, name }) => words.every((word) => `${name.replaceAll("-", " ")} ${label.title}`.toLowerCase().includes(word));
@@ -37,20 +37,20 @@ export class PresetGrid {
     return this.#cells.filter(({ label }) => !label.hidden).length;
   }
 
-  /** The number of the first preset that is shown. */
+  /** The number of the first visible preset. */
   get first() {
     const index = this.#cells.findIndex(({ label }) => !label.hidden);
     return index < 0 ? undefined : index;
   }
 
-  /** Marks a preset as chosen and brings it into sight. */
+  /** Marks a preset as chosen and scrolls to it. */
   choose(index) {
     const { input, label } = this.#cells[index];
     input.checked = true;
     label.scrollIntoView({ block: "nearest" });
   }
 
-  /** Shows another volume: `path` is where its parts are. */
+  /** Shows thumbnails of another volume: `path` is its address. */
   show(path) {
     this.#path = path;
     for (const each of this.#cells) Object.assign(each, { shown: null, tries: 0 });
@@ -94,7 +94,7 @@ export class PresetGrid {
 function cell({ name, purpose }, index) {
   const label = document.createElement("label");
   const input = Object.assign(document.createElement("input"), { type: "radio", name: "preset", value: String(index) });
-  // Decoration: the name beside it says the same to a reader.
+  // Decoration: screen readers read the name beside it.
   const image = Object.assign(document.createElement("img"), { alt: "", width: 160, height: 120 });
   const text = document.createElement("span");
   text.textContent = name.replaceAll("-", " ");

@@ -1,10 +1,9 @@
-// A preview of a 3D display, for people without one: the views of a frame as a wiggle, in a grid,
-// or as an anaglyph. The server makes them from picture and depth, as layouts of a frame. This
-// module fetches and displays them.
+// A preview of a 3D display: the views of a frame as a wiggle, in a grid, or as an anaglyph. The
+// server synthesises them from colour and depth, as layouts of a frame.
 
 import { request, stageQuery } from "./view.js";
 
-/** Kinds of the preview: the layout that each asks for, and the most pixels of a view. */
+/** Kinds of previews: the requested layout, and the greatest number of pixels of a view. */
 const KINDS = {
   wiggle: { layout: "views-9", pixels: 250_000 },
   anaglyph: { layout: "anaglyph", pixels: 600_000 },
@@ -13,21 +12,21 @@ const KINDS = {
 /** Columns and rows of the nine views; the leftmost is at the bottom left. */
 const GRID = [3, 3];
 const STEP_MS = 60;
-/** A pause this long counts as standing still. */
+/** Pause after the last change before a preview is requested, ms. */
 const STILL_MS = 350;
 
-/** Where view `i` of the quilt begins, in fractions of its width and height. */
+/** Top left corner of view `i` in the quilt, in fractions of its width and height. */
 function placeOf(i, [columns, rows] = GRID) {
   return [(i % columns) / columns, (rows - 1 - Math.floor(i / columns)) / rows];
 }
 
-/** The view that a wiggle shows in its step: to and fro. */
+/** The view of a step of the wiggle: back and forth. */
 function viewOf(step, count = GRID[0] * GRID[1]) {
   const at = step % (2 * count - 2);
   return at < count ? at : 2 * count - 2 - at;
 }
 
-/** The address that asks for a preview of the state's picture on a stage of CSS pixels, so that it lies over that. */
+/** The address of a preview of the state's picture for a stage of CSS pixels; it covers the picture exactly. */
 function previewUrl(kind, state, [width, height]) {
   const { layout, pixels } = KINDS[kind];
   const scale = Math.min(1, Math.sqrt(pixels / Math.max(1, width * height)));
@@ -44,7 +43,7 @@ export class Preview {
   #shown = null;
   #abort = null;
 
-  /** `choices` are the radio buttons, the state's `preview` is theirs; `chosen` is called after one, `fail` gets what goes wrong. */
+  /** `choices` are the radio buttons of the state's `preview`; calls `chosen` after a choice and `fail` with errors. */
   constructor(canvas, choices, state, { chosen, fail }) {
     Object.assign(this, { canvas, state, fail, context: canvas.getContext("2d", { alpha: false }) });
     for (const choice of choices) {
@@ -56,7 +55,7 @@ export class Preview {
     }
   }
 
-  /** Something is different: the live picture is seen until it stands still. */
+  /** The state changed: shows the live picture until the view rests. */
   changed() {
     clearTimeout(this.#timer);
     this.#abort?.abort();

@@ -1,9 +1,9 @@
-// The sign-in page: a token becomes a cookie that no script can read.
+// The sign-in page: exchanges a token for a cookie that scripts cannot read.
 
 const form = document.getElementById("form");
 const problem = document.getElementById("problem");
 
-/** The page to go on to: a path of this server and nothing else. */
+/** The page to open afterwards: a path of this server only. */
 function next() {
   const wanted = new URLSearchParams(location.search).get("next") ?? "/";
   const url = new URL(wanted, location.origin);

@@ -1,18 +1,18 @@
 // The state of slices: plane, position, thickness, window, and the query for one.
 //
-// Positions in DICOM patient coordinates (LPS), mm; windows in HU. It touches only the slice's own
-// controls.
+// Positions in DICOM patient coordinates (LPS), mm; windows in HU. It accesses only the controls of
+// slices.
 
 import { clamp } from "./vectors.js";
 
-/** Standard planes as the server shows them: the axis that slices are counted along, and what points right and up. */
+/** Standard planes of the server: the axis of the slice numbers, and the directions of right and up. */
 export const PLANES = {
   axial: { axis: 2, right: [1, 0, 0], up: [0, -1, 0] },
   coronal: { axis: 1, right: [1, 0, 0], up: [0, 0, 1] },
   sagittal: { axis: 0, right: [0, 1, 0], up: [0, 0, 1] },
 };
 
-/** No slice; what one begins with. `at` is the middle of the picture, null the volume's centre. */
+/** No slice; the initial values of one. `at` is the centre of the picture, null is the centre of the volume. */
 export const NO_SLICE = Object.freeze({ plane: "", at: null, zoom: 1, slab: 0, blend: "mean", center: 40, width: 400 });
 
 const round = (value) => Number(value.toFixed(2));
@@ -22,7 +22,7 @@ export function extent({ bounds_mm: [low, high] }, direction) {
   return direction.reduce((sum, part, i) => sum + Math.abs(part) * (high[i] - low[i]), 0);
 }
 
-/** Height in mm of a picture of this aspect (width / height) that shows the whole volume, closer by the zoom. */
+/** Height in mm of a picture of this aspect (width / height) that shows the whole volume, divided by the zoom. */
 function heightOf({ plane, zoom }, volume, aspect) {
   const { right, up } = PLANES[plane];
   return Math.max(extent(volume, up), extent(volume, right) / aspect) / zoom;
@@ -56,13 +56,13 @@ export function sliceNumber(volume, axis, mm) {
   return [clamp(Math.floor((mm - low) / step) + 1, 1, count), count];
 }
 
-/** The slice moved by so many slices along its axis, within the volume. */
+/** The slice moved by a number of slices along its axis, within the volume. */
 export function paged(slice, volume, steps) {
   const { axis } = PLANES[slice.plane];
   return placed(slice, volume, (slice.at ?? volume.center_mm)[axis] + steps * sliceStep(volume, axis));
 }
 
-/** The next slice along its axis; behind the last one the first. */
+/** The next slice along its axis; the first one follows the last. */
 export function advanced(slice, volume) {
   const { axis } = PLANES[slice.plane];
   const mm = (slice.at ?? volume.center_mm)[axis];
@@ -85,7 +85,7 @@ function placed(slice, volume, mm) {
   return { ...slice, at };
 }
 
-/** The slice's picture dragged by a share of its height, to the right and down. */
+/** The slice after dragging its picture by fractions of its height, to the right and down. */
 export function dragged(slice, volume, [dx, dy], aspect) {
   const { right, up } = PLANES[slice.plane];
   const height = heightOf(slice, volume, aspect);
@@ -96,7 +96,7 @@ export function dragged(slice, volume, [dx, dy], aspect) {
   return { ...slice, at };
 }
 
-/** Closer or farther, within reason; what is seen at a place of the picture (fractions of its size) stays there. */
+/** Zooms within limits around a position in the picture (fractions of its size). */
 export function zoomed(slice, ratio, volume, aspect, [x, y] = [0.5, 0.5]) {
   const nearer = { ...slice, zoom: clamp(slice.zoom * ratio, 0.5, 20) };
   const grown = nearer.zoom / slice.zoom - 1;
@@ -104,7 +104,7 @@ export function zoomed(slice, ratio, volume, aspect, [x, y] = [0.5, 0.5]) {
   return by.some(Boolean) ? dragged(nearer, volume, by, aspect) : nearer;
 }
 
-/** In words: plane, number, position on its axis as a letter and mm, and the slab. */
+/** As text: plane, number, position on its axis as a letter and mm, and slab thickness. */
 export function sliceWords({ plane, at, slab, blend }, volume) {
   const { axis } = PLANES[plane];
   const mm = (at ?? volume.center_mm)[axis];
@@ -115,13 +115,13 @@ export function sliceWords({ plane, at, slab, blend }, volume) {
   return words;
 }
 
-/** What an address keeps of a slice; nothing of none. */
+/** The part of the address for a slice; empty without one. */
 export function kept({ plane, at, slab, blend, center, width }) {
   if (!plane) return {};
   return { plane, at: (at ?? []).map(round).join(","), slab, blend, window: `${center},${width}` };
 }
 
-/** The slice of an address; whatever is not usable there is as it usually is. */
+/** Reads the slice from an address; invalid values are replaced by defaults. */
 export function recalled(words) {
   const numbers = (name, count) => {
     const list = (words.get(name) ?? "").split(",").map(Number);
@@ -135,10 +135,10 @@ export function recalled(words) {
   return { ...NO_SLICE, plane, at: numbers("at", 3), slab: clamp(slab, 0, 100), blend, center, width: Math.max(1, width) };
 }
 
-/** Controls of the panel by id: the key of the slice that each sets, and what its value becomes. */
+/** Controls of the panel by id: the property of the slice, and the conversion of the value. */
 const CONTROLS = { "slice-slab": "slab", "slice-blend": "blend", "slice-center": "center", "slice-width": "width" };
 
-/** Shows a slice in the panel's controls, and hides what belongs to views of the whole. */
+/** Updates the panel's controls from a slice, and hides those of volume views. */
 export function showControls(find, slice, volume) {
   const isSlice = slice.plane !== "";
   for (const part of document.querySelectorAll("[data-of]")) part.hidden = (part.dataset.of === "slice") !== isSlice;
@@ -155,7 +155,7 @@ export function showControls(find, slice, volume) {
   find("slice-slab-value").textContent = slice.slab > 0 ? `${slice.slab} mm` : "off";
 }
 
-/** Calls back with what a control of the slice changes, as a function of the slice. */
+/** Calls back with the change of a control, as a function of the slice. */
 export function onControls(find, volume, change) {
   find("slice-window").addEventListener("change", ({ target }) => {
     const [center, width] = target.value.split(",").map(Number);

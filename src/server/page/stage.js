@@ -1,24 +1,23 @@
 // The stage: requests pictures of the state, and draws the responses.
 //
-// A change asks at once for a picture under a budget of time, and for a whole one when things are
-// still.
+// A change immediately requests a picture under a time budget, and a complete one after a pause.
 
 import { drawPicture } from "./draw.js";
 import { showFailure } from "./notice.js";
 import { $, DOT, state, volumePath } from "./state.js";
 import { Fetcher, firstPasses, frameQuery, morePasses, stageQuery, stillSize } from "./view.js";
 
-/** A pause this long counts as standing still. */
+/** Pause after the last change before a complete picture is requested, ms. */
 const STILL_MS = 220;
 const RESIZED_MS = 120;
 
 export class Stage {
   #timer = 0;
   #context = $("picture").getContext("2d", { alpha: false, willReadFrequently: true });
-  /** The picture that is shown, with its order. */
+  /** The displayed picture and its request. */
   shown = null;
 
-  /** `asked` is called with every request, `drawn` with every picture. */
+  /** Calls `asked` with every request and `drawn` with every picture. */
   constructor({ asked, drawn }) {
     Object.assign(this, { host: $("stage"), asked, drawn });
     this.fetcher = new Fetcher((picture) => this.#show(picture), showFailure, (busy) => $("busy").classList.toggle("on", busy));
@@ -37,12 +36,12 @@ export class Stage {
     return [this.host.clientWidth, this.host.clientHeight];
   }
 
-  /** Whether what is shown holds a view already: colour and depth come together. */
+  /** Whether the displayed picture contains a view: colour and depth arrive together. */
   holds(view) {
     return this.shown?.kind === "rgbd" && !this.shown.moving && view !== "frame";
   }
 
-  /** Asks for the picture of the present state; while moving one under a budget, and a whole one after a pause. */
+  /** Requests a picture of the current state: under a time budget while moving, complete after a pause. */
   refresh({ moving = false } = {}) {
     if (!state.volume) return;
     clearTimeout(this.#timer);
@@ -51,7 +50,7 @@ export class Stage {
     this.asked();
   }
 
-  /** While moving, colour alone is enough for the picture; else colour and depth come side by side in one PNG. */
+  /** While moving, only colour is requested for the picture view; otherwise colour and depth, side by side in one PNG. */
   #order(moving, passes = firstPasses(state, moving), before = 0) {
     const full = stillSize(...this.size, Math.min(2, devicePixelRatio));
     const kind = moving && state.view === "picture" ? "color" : "rgbd";
@@ -62,7 +61,7 @@ export class Stage {
     return { url: `${volumePath("frame")}?${query}`, accept, kind, moving, query, size, passes, added: passes - before };
   }
 
-  /** A path-traced picture that stands still gets more passes, until it has enough or something changes. */
+  /** Adds passes to a path-traced picture at rest until it has enough or the state changes. */
   #refine(picture) {
     const passes = picture.kind === "rgbd" ? morePasses(picture) : undefined;
     if (passes !== undefined && !this.fetcher.hasWish) this.fetcher.want(this.#order(false, passes, picture.passes));
@@ -84,7 +83,7 @@ export class Stage {
     this.#refine(picture);
   }
 
-  /** Draws what is shown in the view that is chosen. */
+  /** Draws the displayed picture in the chosen view. */
   draw() {
     if (this.shown) drawPicture(this.#context, this.shown, state, this.host.clientWidth * devicePixelRatio);
   }

@@ -14,7 +14,7 @@ export const state = {
   pose: { ...HOME, shift: null },
   slice: { ...NO_SLICE },
   preset: "bone",
-  /** What the user chose; the rest follows the anatomy of the volume. */
+  /** Settings that the user chose; others follow the anatomy of the volume. */
   own: { preset: false, window: false },
   mode: "composite",
   /** HU of the surface; the server's choice for the preset while null. */
@@ -22,7 +22,7 @@ export const state = {
   light: { ...NO_LIGHT },
   overlays: [],
   labels: { ...ALL_SHOWN },
-  /** The part that is shown: its lowest and highest corner in patient coordinates, mm; null is all. */
+  /** The visible part: its lowest and highest corner in patient coordinates, mm; null is the whole volume. */
   crop: null,
   /** Whether the table is shown: "keep" or "remove". */
   table: "remove",
@@ -34,17 +34,17 @@ export const state = {
   offset: 128,
   depthFilter: "none",
   depthRule: "threshold",
-  /** What a 3D display would show, over the picture: off, or a kind of `preview.js`. */
+  /** Preview of a 3D display over the picture: off, or a kind of `preview.js`. */
   preview: "",
   split: 0.5,
 };
 
-/** Whether a slice is shown, and not the whole. */
+/** Whether a slice is displayed instead of the volume. */
 export const slicing = () => state.slice.plane !== "" && state.volume !== null;
 
 export const volumePath = (part) => `/v1/volumes/${state.volume.id}/${part}`;
 
-/** Mouse, touch and keys; read from the beginning, though the focus is on the button at the end. */
+/** Opens the help; scrolls to its beginning although the focused button is at the end. */
 export function showHelp() {
   $("help").showModal();
   $("help").scrollTop = 0;

@@ -1,19 +1,19 @@
-// The slider of an isosurface's value: there in mode isosurface only, and the preset's own value
-// until it is moved.
+// The slider of an isosurface's value: visible in mode isosurface only. It has the value of the
+// preset until the user moves it.
 
 const $ = (id) => document.getElementById(id);
 
-/** Where the slider stands while the value is the preset's, HU. */
+/** Position of the slider while the preset decides, HU. */
 const USUAL_HU = 300;
 
-/** Shows what the state has. */
+/** Updates the slider from the state. */
 export function describeSurface({ mode, iso }) {
   $("iso-field").hidden = mode !== "isosurface";
   $("iso").value = iso ?? USUAL_HU;
   $("iso-value").textContent = iso === null ? "preset" : `${iso} HU`;
 }
 
-/** Puts a value that is chosen into the state, and says so. */
+/** Writes the chosen value into the state and calls back. */
 export function onSurface(state, changed) {
   $("iso").addEventListener("input", ({ target }) => {
     state.iso = Number(target.value);

@@ -12,22 +12,22 @@ import { fitOf, orbitQuery } from "./orbit.js";
 import { sliceQuery } from "./slices.js";
 import { clamp } from "./vectors.js";
 
-/** The view that "reset" returns to. A little closer than "all of it": corners of a volume are mostly air. */
+/** The view after a reset. It is slightly closer than the whole volume, whose corners are mostly air. */
 export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1 });
 
-/** Pixels of a still picture at most: more costs a software renderer seconds. */
+/** Greatest number of pixels of a still picture: more takes a software renderer seconds. */
 const STILL_PIXELS = 1_000_000;
 
-/** How long the server may render a picture while things move: it casts fewer rays then. */
+/** Time budget of a picture while the view moves: the server casts fewer rays, ms. */
 const MOVING_MS = 80;
 
-/** Passes of a path-traced picture: while moving, when it comes to rest, and at most; and how long adding some may take. */
+/** Passes of a path-traced picture: while moving, at rest, and at most; and the time to spend on additional ones. */
 const MOVING_PASSES = 1;
 const FIRST_PASSES = 2;
 const MOST_PASSES = 256;
 const REFINING_MS = 1500;
 
-/** How often a picture is asked for that the server has no time for, and the longest wait between, ms. */
+/** Number of retries if the server is busy, and the longest delay between them, ms. */
 const MOST_TRIES = 8;
 const LONGEST_WAIT_MS = 4000;
 
@@ -37,12 +37,12 @@ export function stillSize(width, height, ratio) {
   return [width, height].map((side) => Math.max(16, Math.round(side * scale)));
 }
 
-/** Query parameters that say how the volume looks, whatever the size and layout; `fit` is what a picture's shape makes of the zoom. */
+/** Query parameters of the look of the volume, without size and layout; `fit` corrects the zoom for the shape of the picture. */
 function lookQuery(state, aspect, fit, moving = false) {
   const labels = labelQuery(state);
   if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...labels };
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
-  // An empty list of overlays is no parameter.
+  // An empty list of overlays needs no parameter.
   const overlays = state.overlays.length ? { overlay: state.overlays.join(",") } : {};
   return {
     ...overlays,
@@ -57,22 +57,22 @@ function lookQuery(state, aspect, fit, moving = false) {
   };
 }
 
-/** Query of a picture that fills the stage. While moving, it has a budget. */
+/** Query of a picture that fills the stage, with a time budget while moving. */
 export function stageQuery(state, [width, height], layout, { passes, moving = false } = {}) {
   const look = lookQuery(state, width / height, fitOf([width, height], state.volume), moving);
   const query = { ...look, ...budget(moving), size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
   return new URLSearchParams(passes === undefined ? query : { ...query, passes });
 }
 
-/** Passes of the first picture that is asked for; undefined in modes that have none. */
+/** Passes of the first requested picture; undefined in modes without passes. */
 export function firstPasses(state, moving) {
   if (state.slice.plane || state.mode !== "path-traced") return undefined;
   return moving ? MOVING_PASSES : FIRST_PASSES;
 }
 
 /**
- * Passes to ask for after a picture, as many more as take about [`REFINING_MS`]; undefined when there are enough. The
- * server continues what it has, so that only those that are added take time.
+ * Passes to request after a picture, as many as take about `REFINING_MS`; undefined if there are enough. The server
+ * continues its picture, so that only the additional passes take time.
  */
 export function morePasses({ passes, added, moving, spent }) {
   if (passes === undefined || moving || passes >= MOST_PASSES) return undefined;
@@ -83,9 +83,9 @@ export function morePasses({ passes, added, moving, spent }) {
 
 const budget = (moving) => (moving ? { budget_ms: MOVING_MS } : {});
 
-/** Query of the frame that a display gets; with a budget while moving. */
+/** Query of the frame for a display, with a time budget while moving. */
 export function frameQuery(state, moving = false) {
-  // Every layout that is a frame has pictures of 16:9.
+  // All frame layouts have pictures of 16:9.
   const query = { ...lookQuery(state, 16 / 9, 1, moving), ...budget(moving), layout: state.layout };
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
@@ -105,7 +105,7 @@ function timings(header) {
   return found;
 }
 
-/** An answer that is no picture, in words. */
+/** The message of a response that is not a picture. */
 export class Refusal extends Error {
   constructor(message, retryMs) {
     super(message);
@@ -130,39 +130,39 @@ export async function request(url, options) {
   throw new Refusal(problem.detail ?? `The server answered ${answer.status}.`, retryMs);
 }
 
-/** Decoded without colour management: a frame's header is in its bits. */
+/** Decodes a picture without colour management, which would change the header in a frame's pixels. */
 function decode(blob) {
   return createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 }
 
 /**
- * Fetches the newest picture wanted: at most one is on its way, and of those asked for meanwhile only the last is
- * kept. One that was to be whole is broken off when another is wanted, and the server ends it.
+ * Fetches the newest requested picture: at most one request is in flight, and only the latest of the others is kept. A
+ * complete picture is aborted if another one is requested, and the server stops rendering it.
  */
 export class Fetcher {
   #wanted = null;
   #running = null;
 
-  /** `show` gets each picture with its order; `fail` an error, or null when things work again. */
+  /** `show` gets each picture with its request; `fail` gets an error, or null after recovery. */
   constructor(show, fail, busy) {
     Object.assign(this, { show, fail, busy });
   }
 
-  /** Whether a picture is on its way. */
+  /** Whether a request is in flight. */
   get isBusy() {
     return this.#running !== null;
   }
 
-  /** Whether a picture newer than the one on its way is wanted. */
+  /** Whether a newer request is waiting. */
   get hasWish() {
     return this.#wanted !== null;
   }
 
-  /** Asks for a picture: `{ url, accept, moving, ... }`. */
+  /** Requests a picture: `{ url, accept, moving, ... }`. */
   want(order) {
     const running = this.#running?.order;
     this.#wanted = running?.url === order.url && running.accept === order.accept ? null : order;
-    // A still picture may take long, and an outdated one is not needed any more.
+    // A still picture may take long, and an outdated one is no longer needed.
     if (this.#wanted && running && !running.moving) this.#running.abort.abort();
     if (!this.#running) this.#run();
   }
@@ -197,7 +197,7 @@ export class Fetcher {
     this.show({ ...order, bitmap, camera, spent, quality, warning, totalMs: performance.now() - since });
   }
 
-  /** Asks again, ever later and not for ever, when the error says that it will pass. A newer order goes first. */
+  /** Retries temporary errors a limited number of times with growing delays. A newer request goes first. */
   async #recover(order, error) {
     this.fail(error);
     const tries = (order.tries ?? 1) + 1;

@@ -162,7 +162,7 @@ impl VolumeEntry {
         self.voxel_bytes() * if self.has_copy { 2 } else { 1 }
     }
 
-    /// Bytes of the label map in memory; 0 where there is none.
+    /// Bytes of the label map in memory; 0 without one.
     #[must_use]
     pub fn label_bytes(&self) -> u64 {
         self.labels.as_deref().map_or(0, LabelMap::bytes)

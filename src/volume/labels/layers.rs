@@ -19,7 +19,7 @@ struct Layer {
 /// More layers than there may be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "segments overlap in so many places that they need {layers} layers of {voxels} voxels, two bytes each; allowed are \
+    "segments overlap so much that they need {layers} layers of {voxels} voxels, two bytes each; allowed are \
      {most} of them and {most_bytes} bytes together: take fewer segments at a time"
 )]
 pub struct LayersError {
@@ -115,8 +115,8 @@ mod tests {
             2,
             "each once, within the grid"
         );
-        let told = layers.add(segment(6), 2..3).unwrap_err().to_string();
-        assert!(told.contains("3 layers of 6 voxels") && told.contains("24 bytes"), "{told}");
+        let refused = layers.add(segment(6), 2..3).unwrap_err().to_string();
+        assert!(refused.contains("3 layers of 6 voxels") && refused.contains("24 bytes"), "{refused}");
         let maps = layers.into_maps();
         let voxels = |map: &LabelMap| map.counted().map(|(s, n)| (s.label, n)).collect::<Vec<_>>();
         assert_eq!(
@@ -135,7 +135,7 @@ mod tests {
             layers.add(segment(label), 0..1).unwrap();
         }
         layers.add(segment(65), 1..2).unwrap(); // has room in the first
-        let told = layers.add(segment(66), 0..1).unwrap_err().to_string();
-        assert!(told.contains("65 layers") && told.contains("allowed are 64"), "{told}");
+        let refused = layers.add(segment(66), 0..1).unwrap_err().to_string();
+        assert!(refused.contains("65 layers") && refused.contains("allowed are 64"), "{refused}");
     }
 }

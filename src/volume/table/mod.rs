@@ -19,7 +19,7 @@ const CELL_MM: f64 = 2.0;
 const TISSUE_HU: i16 = -300;
 /// Lowest value of sheets and covers, HU, which are thinner than a voxel.
 const SHEET_HU: i16 = -750;
-/// Parts are told apart after this much was taken from their surfaces, mm.
+/// Parts are separated after this much was taken from their surfaces, mm.
 const ERODED_MM: f64 = 2.5;
 /// Largest distance to the surface in a part that is thick, mm: half a little finger.
 const THICK_MM: f64 = 6.0;

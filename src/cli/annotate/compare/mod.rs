@@ -23,7 +23,7 @@ use relief_study::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Items are matched by name, and by list where a set has a name in several. What a reader has not placed is named, and left out.
-Errors are told from the truth, or from the mean of the readers. Sets of one reader (`relief annotate sets`) are repeats; so are
+Errors are distances from the truth, or from the mean of the readers. Sets of one reader (`relief annotate sets`) are repeats; so are
 sets whose names differ only after the separator of --repeats. DIR gets report.html, which needs no other file, and the tables
 landmarks.csv, errors.csv, icc.csv, bland-altman.csv, measures.csv and missing.csv.
 

@@ -1,13 +1,13 @@
-// The server's annotations over HTTP: one function for each thing that can be asked. It touches no
+// The server's annotations over HTTP: a function for each request. It accesses no
 // element.
 
 import { signIn } from "/identity.js";
 import { Refusal } from "/view.js";
 
-/** Two editors changed the same item: what is there now, and what was sent. */
+/** Two editors changed the same item: the current version, and the sent one. */
 export class Conflict extends Error {
   constructor(problem) {
-    super(problem.detail ?? "somebody else changed this in the meantime");
+    super(problem.detail ?? "another user changed this item in the meantime");
     Object.assign(this, { current: problem.current ?? null, yours: problem.yours ?? null });
   }
 }
@@ -20,7 +20,7 @@ class Problem extends Refusal {
   }
 }
 
-/** A new id: a random UUID. `crypto.randomUUID` is for secure pages alone, and this one may come over plain HTTP. */
+/** A new id: a random UUID. `crypto.randomUUID` needs a secure context, and this page may be served over plain HTTP. */
 export function newId() {
   const bytes = crypto.getRandomValues(new Uint8Array(16));
   bytes[6] = (bytes[6] & 0x0f) | 0x40;
@@ -40,7 +40,7 @@ async function ask(url, options = {}) {
   if (answer.ok || answer.status === 304) return answer;
   if (answer.status === 401) signIn();
   const problem = await answer.json().catch(() => ({}));
-  // By its body: there is nothing-to-undo with this status too.
+  // The body decides: nothing-to-undo has this status too.
   if (answer.status === 409 && (problem.current !== undefined || problem.code?.endsWith("conflict"))) throw new Conflict(problem);
   throw new Problem(answer.status, problem);
 }
@@ -64,7 +64,7 @@ export class Annotations {
     return answer.status === 204 ? null : answer.json();
   }
 
-  /** What there is; null where nothing changed since the last time. */
+  /** All sets and items; null if nothing changed since the previous request. */
   async list() {
     const known = this.tag ? { "If-None-Match": this.tag } : {};
     const answer = await ask(this.path, { headers: this.#headers(known), cache: "no-store" });
@@ -74,7 +74,7 @@ export class Annotations {
     return found;
   }
 
-  /** All changes or none; gives the events. */
+  /** Applies all changes or none; returns the events. */
   async apply(changes, reason = "") {
     return (await this.#send("POST", "", { author: this.author, reason, changes })).events;
   }
@@ -121,15 +121,15 @@ export class Annotations {
     return new Uint8Array(await answer.arrayBuffer());
   }
 
-  /** `how` has update, duplicate or dry_run: what becomes of items that are there and differ; without it they stay. */
+  /** `how` is update, duplicate or dry_run for items that exist already and differ; without it they are skipped. */
   import(file, format, set, how = {}) {
-    // Items of one file stay together: their list has the file's name without its ending.
+    // The list of the items has the name of the file without its ending.
     const list = file.name.replace(/\.(mrk\.json|seg\.nrrd|nii\.gz|[^.]+)$/i, "").slice(0, 120);
     const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }), ...how });
     return this.#send("POST", `/import?${query}`, file, { type: "application/octet-stream" });
   }
 
-  /** The file as a blob, its name, and how many items it could not hold. */
+  /** The file as a blob, its name, and the number of items that the format cannot represent. */
   async export(format, set) {
     const query = new URLSearchParams({ format, ...(set ? { set } : {}) });
     const answer = await ask(`${this.path}/export?${query}`, { headers: this.#headers() });
@@ -138,7 +138,7 @@ export class Annotations {
     return { blob: await answer.blob(), name: name ?? `annotations.${format}`, leftOut };
   }
 
-  /** Makes a set; one that somebody has described already stays as it is. */
+  /** Creates a set; an existing description is kept. */
   putSet(set) {
     const { name, ...rest } = set;
     return this.#send("PUT", `/sets/${encodeURIComponent(name)}`, rest, { more: { "If-None-Match": "*" } });

@@ -1,7 +1,7 @@
 // Files of regions and meshes as the page draws them: `.seg.nrrd` masks and binary PLY, in patient
-// LPS mm. It touches no element.
+// LPS mm. It accesses no element.
 
-/** Voxels of a region's skin that are drawn in 3D at most. */
+/** Greatest number of a region's surface voxels drawn in 3D. */
 const MOST_SKIN = 60_000;
 
 async function inflated(bytes) {
@@ -16,12 +16,12 @@ const TYPES = {
   "unsigned short": Uint16Array, uint16: Uint16Array, ushort: Uint16Array, uint16_t: Uint16Array, short: Int16Array, int16: Int16Array,
 };
 
-/** The content of a preview, whose file comes as base64. */
+/** The content of a preview, whose file is base64. */
 export function previewed({ content, label }) {
   return readRegion(Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0)), label);
 }
 
-/** The mask of one label: `{ dims, mask, origin, columns, inverse, skin }`, cut to the voxels that it has. */
+/** The mask of one label: `{ dims, mask, origin, columns, inverse, skin }`, cropped to its voxels. */
 async function readRegion(bytes, label) {
   const end = findBlankLine(bytes);
   const header = new TextDecoder("latin1").decode(bytes.subarray(0, end));
@@ -62,7 +62,7 @@ function finish(values, label, dims, columns, origin) {
       }
     }
   }
-  // Outwards is where less of the region is, two voxels around: smooth enough to be lit.
+  // The normal points to where the region is sparser within two voxels: smooth enough for shading.
   const slope = ([x, y, z]) => {
     const sum = [0, 0, 0];
     for (let k = -2; k <= 2; k += 1) {
@@ -86,7 +86,7 @@ function finish(values, label, dims, columns, origin) {
   return { kind: "region", dims, mask, origin, columns, inverse: inverse(columns), points, spacing: spacing * Math.sqrt(every) };
 }
 
-/** Rows of the matrix that gives indices from mm, of that whose columns are a voxel's steps. */
+/** Rows of the inverse of the matrix whose columns are the steps of a voxel: from mm to indices. */
 function inverse([a, b, c]) {
   const cross = (u, v) => [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
   const volume = a.reduce((sum, value, i) => sum + value * cross(b, c)[i], 0);
@@ -124,16 +124,16 @@ function readMesh(bytes) {
   return { kind: "mesh", vertices, triangles };
 }
 
-/** Contents by their names, each fetched once. */
+/** Contents by name, each fetched once. */
 export class Contents {
   #known = new Map();
 
-  /** `arrived` is called when a content is there; `fail` gets what goes wrong. */
+  /** Calls `arrived` when a content is loaded and `fail` with errors. */
   constructor(annotations, arrived, fail) {
     Object.assign(this, { annotations, arrived, fail });
   }
 
-  /** What a geometry's content holds; null while it is on its way, or where it cannot be drawn. */
+  /** A geometry's decoded content; null while it loads, or if it cannot be drawn. */
   of(geometry) {
     const key = `${geometry.content}:${geometry.label ?? ""}`;
     if (!this.#known.has(key)) {

@@ -1,5 +1,4 @@
-// Dialogs: who one is, a conflict with both versions, a new set, export, templates, help. One
-// `<dialog>` for all.
+// Dialogs: author, conflict, new set, export, templates, help. All use one `<dialog>`.
 
 import { FORMATS } from "./formats.js";
 import { element } from "./pane.js";
@@ -9,9 +8,9 @@ import { colorOf } from "./model.js";
 const dialog = () => document.getElementById("dialog");
 
 /**
- * Opens a dialog and gives the value of the button that closed it, with the form's fields; null after Escape.
+ * Opens a dialog and returns the value of the button that closed it and the fields of the form; null after Escape.
  *
- * The primary button alone submits the form.
+ * Only the primary button submits the form.
  */
 function ask(title, content, buttons, wide = false) {
   const box = dialog();
@@ -20,7 +19,7 @@ function ask(title, content, buttons, wide = false) {
     ? element("button", { value, className: "primary", type: "submit" }, words)
     : element("button", { type: "button", value, onclick: () => box.close(value) }, words)));
   const form = element("form", { method: "dialog" }, element("h2", { id: "dialog-title" }, title), ...content, element("p", { className: "dialog-buttons" }, ...row));
-  // Enter in a field confirms, also in a menu, which would open.
+  // Enter confirms in every field, also in a menu, which it would open otherwise.
   form.addEventListener("keydown", (event) => {
     if (event.key !== "Enter" || event.isComposing || event.target.closest("button, textarea")) return;
     event.preventDefault();
@@ -30,7 +29,7 @@ function ask(title, content, buttons, wide = false) {
   box.returnValue = "";
   if (!box.open) box.showModal();
   if (!form.querySelector("input, select, textarea")) form.querySelector(".primary")?.focus();
-  // The focus may be on a button at the end: reading begins at the beginning.
+  // The focused button may be at the end: scroll to the beginning.
   box.scrollTop = 0;
   return new Promise((resolve) => {
     box.addEventListener("close", () => {
@@ -50,7 +49,7 @@ function field(label, input) {
 
 const textField = (name, value, more = {}) => element("input", { name, value, type: "text", maxLength: 120, required: true, autocomplete: "off", ...more });
 
-/** The name of the one who sits here; null where none is given. */
+/** The name of the author; null if the user enters none. */
 export async function askAuthor(now) {
   const found = await ask("Who are you?", [
     paragraph("Your name is kept with every change that you make, and in this browser."),
@@ -59,7 +58,7 @@ export async function askAuthor(now) {
   return found?.name.trim() || null;
 }
 
-/** Everything that is said of an item in words; null where nothing is to change. */
+/** Name, description and list of an item; null if the user changes nothing. */
 export async function askDetails(item) {
   const { concept } = item;
   const about = [
@@ -97,7 +96,7 @@ export async function askSet(author) {
   return { name: found.name, ...(found.reader.trim() ? { reader: found.reader.trim() } : {}), blinded: found.blinded };
 }
 
-/** What to export: `{ format, set }`; the set is empty for all. */
+/** The export to make: `{ format, set }`; an empty set means all sets. */
 export async function askExport(sets, now) {
   const formats = FORMATS.filter(({ isWritten }) => isWritten).map(({ name: value, title }, i) => element(
     "label", { className: "choice" },
@@ -112,7 +111,7 @@ export async function askExport(sets, now) {
   return found && { format: found.format, set: found.set };
 }
 
-/** What differs between two versions of an item: rows of [what, theirs, mine]. */
+/** Differences between two versions of an item: rows of [property, theirs, mine]. */
 function differences(theirs, mine) {
   const words = (item) => ({
     name: item.name, description: item.description ?? "", set: item.set, list: item.list ?? "", state: item.state,
@@ -125,8 +124,8 @@ function differences(theirs, mine) {
 }
 
 /**
- * Shows both versions of an item that two people changed. Gives `mine`, `theirs`, `both`; null for deciding later, which
- * leaves theirs.
+ * Shows both versions of an item that two people changed. Returns `mine`, `theirs` or `both`; null leaves theirs and
+ * postpones the decision.
  */
 export async function askConflict(current, mine) {
   if (!current) {
@@ -145,7 +144,7 @@ export async function askConflict(current, mine) {
   return found?.button ?? null;
 }
 
-/** What becomes of items of a file that are there and differ: a query of the import; null to import nothing. */
+/** How to import items that exist already and differ: query parameters of the import; null cancels it. */
 export async function askImport(file, count) {
   const differ = count === 1 ? "One item of this file is here already and differs." : `${count} items of this file are here already and differ.`;
   const found = await ask(`Import ${file}`, [
@@ -155,7 +154,7 @@ export async function askImport(file, count) {
   return found.button === "skip" ? {} : { [found.button]: true };
 }
 
-/** Which template to go through: `{ name }` of a known one, or `{ list: "set\nlist" }` that is under way; `{ file }` to bring one. */
+/** The template to follow: `{ name }` of a known one, `{ list: "set\nlist" }` of one in progress, or `{ file }` to add one. */
 export async function askTemplate(names, running) {
   const choices = [
     ...running.map(({ set, list, done, total }) => [`list:${set}\n${list}`, list || set, `${done} of ${total} in ${set}: go on`]),

@@ -1,18 +1,18 @@
 // Shapes in patient LPS mm as numbers: vectors, curves, measures, and the points that people can
-// grab. It touches no element.
+// grab. It accesses no element.
 //
-// The formulas are those of the server's `annotation` module: a measure that is shown while a point
-// moves is the one that the server gives afterwards.
+// The formulas are those of the server's `annotation` crate: a measure displayed while a point moves
+// equals the one that the server returns afterwards.
 
 import { add, cross, distance, dot, length, lerp, scale, sub, unit } from "/vectors.js";
 
 export * from "/vectors.js";
 
-/** Straight parts between two points of a smooth curve: to measure, and to draw. */
+/** Segments between two points of a smooth curve: for measuring, and for drawing. */
 const PARTS = 32;
 const DRAWN_PARTS = 10;
 
-/** Any direction across a unit vector, preferably along another one. */
+/** A unit vector perpendicular to another, as close as possible to a preferred direction. */
 export function across(normal, along = [0, 0, 1]) {
   const flat = sub(along, scale(normal, dot(along, normal)));
   if (length(flat) > 1e-3) return unit(flat);
@@ -75,7 +75,7 @@ export function outline(geometry, parts = DRAWN_PARTS) {
   }
 }
 
-/** The points that people set and may grab. */
+/** The points that users place and can grab. */
 export function pointsOf(geometry) {
   switch (geometry?.kind) {
     case "point": return [geometry.at_mm];
@@ -86,7 +86,7 @@ export function pointsOf(geometry) {
   }
 }
 
-/** The same with one of its points elsewhere. */
+/** The geometry with one of its points moved. */
 export function withPoint(geometry, index, at) {
   const replaced = (points) => points.map((point, i) => (i === index ? at : point));
   switch (geometry.kind) {
@@ -97,7 +97,7 @@ export function withPoint(geometry, index, at) {
   }
 }
 
-/** The fewest points that an item can do with; those of most are what they are. */
+/** The least number of points of an item; for most kinds the number is fixed. */
 export function fewestPoints(geometry) {
   if (geometry?.kind !== "curve") return pointsOf(geometry).length;
   return geometry.closed ? 3 : 2;
@@ -109,17 +109,17 @@ export function withInserted(curve, index, at) {
   return { ...curve, points_mm: [...points.slice(0, index), at, ...points.slice(index)] };
 }
 
-/** A curve without one of its points; null where it would be none. */
+/** A curve without one of its points; null if too few remain. */
 export function withoutPoint(geometry, index) {
   const points = pointsOf(geometry);
   if (geometry?.kind !== "curve" || points.length <= fewestPoints(geometry)) return null;
   return { ...geometry, points_mm: points.filter((_, i) => i !== index) };
 }
 
-/** Parts by their curve: a pointer asks for them at each of its moves, and a curve that changes is another one. */
+/** Cache of segments by curve: each pointer move needs them, and a changed curve is a new object. */
 const KNOWN_PARTS = new WeakMap();
 
-/** A curve as straight parts, each with the index that a point set on it would have. */
+/** A curve as segments, each with the index of a point that is inserted there. */
 export function partsOf(curve) {
   if (!KNOWN_PARTS.has(curve)) KNOWN_PARTS.set(curve, cut(curve));
   return KNOWN_PARTS.get(curve);
@@ -135,7 +135,7 @@ function cut(curve) {
 
 const pathLength = (points) => points.slice(1).reduce((sum, point, i) => sum + distance(point, points[i]), 0);
 
-/** What follows from a geometry: names, values, units; as the server's own measures. */
+/** Measures of a geometry: names, values and units, as the server computes them. */
 export function measures(geometry) {
   switch (geometry?.kind) {
     case "line": return [{ name: "length", value: distance(...geometry.ends_mm), unit: "mm" }];
@@ -165,14 +165,14 @@ export function measures(geometry) {
 
 const UNITS = { mm: "mm", deg: "°", mm2: "mm²", mL: "ml" };
 
-/** A measure in words. */
+/** A measure as text. */
 export function measureWords({ value, unit: code }) {
   const digits = value >= 1000 ? 0 : value >= 100 ? 1 : 2;
   const number = code === "deg" ? value.toFixed(1) : value.toFixed(digits);
   return code === "deg" ? `${number}°` : `${number} ${UNITS[code] ?? code}`;
 }
 
-/** A place by the letters of the patient's sides. */
+/** A position with the letters of the patient's directions. */
 export const places = (mm) =>
   mm.map((value, i) => `${["LR", "PA", "HF"][i][value < 0 ? 1 : 0]} ${Math.abs(value).toFixed(1)}`).join("  ");
 
@@ -187,7 +187,7 @@ export function planeOf([a, b, c], least = 20) {
   return { kind: "plane", center_mm: center, normal, axis, size_mm: size };
 }
 
-/** Where all the points of a geometry have their middle. */
+/** The centre of the points of a geometry. */
 export function middleOf(geometry) {
   const points = pointsOf(geometry);
   if (!points.length) return null;

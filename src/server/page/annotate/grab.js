@@ -3,14 +3,14 @@
 import { add, clamp, distance, dot, lerp, measures, partsOf, pointsOf, scale, sub, withInserted, withPoint } from "./geometry.js";
 import { SliceProjection } from "./projections.js";
 
-/** How near a pointer has to be, CSS pixels. */
+/** Greatest distance between pointer and point, CSS pixels. */
 const REACH = { mouse: 12, pen: 14, touch: 24 };
-/** A point of a slice's picture can be grabbed up to this far from its plane, mm. */
+/** Greatest distance from a slice's plane at which a point can be grabbed in it, mm. */
 const OFF_MM = 6;
-/** A point this near to what is seen lies on it, and stays on it. */
+/** A point this close to the visible surface stays on the surface, mm. */
 const ON_SURFACE_MM = 5;
 
-/** The curve with the point that is pressed between two of its own. */
+/** The curve with a new point at the pressed position. */
 function added({ entry, index, point }) {
   const { item } = entry;
   return { ...entry, item: { ...item, geometry: withInserted(item.geometry, index, point) } };
@@ -25,12 +25,12 @@ export class Grab {
     Object.assign(this, { model, spot, snapped, commit, say });
   }
 
-  /** The item as it is being moved. */
+  /** The item while it is moved. */
   get moved() {
     return this.#held?.moved ?? null;
   }
 
-  /** The handle under a place of a pane's picture: `{ entry, index, point }`. */
+  /** The handle at a position in a pane's picture: `{ entry, index, point }`. */
   find(pane, at, pointer) {
     if (!pane.projection) return null;
     let best = null;
@@ -39,7 +39,7 @@ export class Grab {
         const seen = pane.projection.project(point);
         if (!seen || Math.abs(seen.off ?? 0) > OFF_MM) return;
         const pixels = Math.hypot(...pane.size.map((side, i) => side * (seen.at[i] - at[i])));
-        // Of those that lie over each other the chosen one, else the nearer one.
+        // Where handles overlap, the selected one wins, then the nearest.
         const rank = pixels + (entry.item.id === this.model.selected ? -4 : 0) + Math.abs(seen.off ?? 0);
         if (pixels <= (REACH[pointer] ?? REACH.mouse) && (!best || rank < best.rank)) best = { entry, index, point, rank };
       });
@@ -47,7 +47,7 @@ export class Grab {
     return best;
   }
 
-  /** The place on the chosen curve's line under a place of a pane's picture: `{ entry, index, point, adds }` of a point to be. */
+  /** The point to add to the selected curve at a position in a pane's picture: `{ entry, index, point, adds }`. */
   between(pane, at, pointer) {
     const entry = this.model.entry(this.model.selected);
     if (!pane.projection || entry?.item.geometry?.kind !== "curve" || entry.item.locked || !entry.item.visible) return null;
@@ -78,7 +78,7 @@ export class Grab {
       return true;
     }
     const seen = pane.projection.project(point);
-    // The finger takes the point where it touched it, not by its middle.
+    // Keep the offset between the pointer and the middle of the point.
     const slip = at.map((value, i) => value - seen.at[i]);
     const onSurface = !(pane.projection instanceof SliceProjection) && this.#liesOnSurface(pane.projection, seen);
     this.#held = { entry, index, point, seen, slip, onSurface, adds, moved: null, started: at };
@@ -112,7 +112,7 @@ export class Grab {
     this.model.changed("draft");
   }
 
-  /** Where the point goes: along its slice, along the surface that it lies on, or across the line of sight. */
+  /** The new position of the point: in its slice, on its surface, or perpendicular to the line of sight. */
   async #target({ point, seen, slip, onSurface }, pane, at, event) {
     const aim = at.map((value, i) => value - slip[i]);
     const { projection } = pane;
@@ -134,8 +134,7 @@ export class Grab {
     if (!held) return;
     this.#latest = null;
     const still = Math.hypot(...pane.size.map((side, i) => side * (at[i] - held.started[i]))) < 3;
-    // A point that is added stays where the line was pressed; one that was there has to go
-    // somewhere.
+    // An added point may stay at the pressed position. An existing one is saved only if it moved.
     const there = held.adds ? { mm: held.point } : null;
     const spot = still ? there : await this.#target(held, pane, at, event).catch(() => there);
     if (!spot || (!held.adds && distance(spot.mm, held.point) < 1e-6)) return this.cancel();

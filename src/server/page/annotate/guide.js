@@ -1,24 +1,23 @@
-// Guided placement: the landmarks of a template one after the other, skipped and come back to,
-// until all are decided.
+// Guided placement: the landmarks of a template one after another, until all are placed or skipped.
 
 import { askTemplate } from "./dialogs.js";
 import { element } from "./pane.js";
 import { icon } from "./list.js";
 
-/** The tool that places what a template expects; regions are grown, and meshes made of them. */
+/** The tool for each kind in a template; regions are grown, and meshes are made from them. */
 const TOOL_OF = { point: "point", line: "line", angle: "angle", curve: "curve", plane: "plane", region: "grow", mesh: "grow" };
 
 const STATES = { defined: "placed", missing: "expected", skipped: "skipped" };
 
 export class Guide {
-  /** Which item is placed next: an id. */
+  /** The id of the next item to place. */
   #current = null;
-  /** What the template says its items are to be, by their names. */
+  /** The kinds of the template's items, by name. */
   #kinds = new Map();
 
   constructor(host, model, { annotations, change, took, say, fail }) {
     Object.assign(this, { host, model, annotations, change, took, say, fail });
-    /** What the next item of a kind is for; null where it is a new one. */
+    /** The template entry for the next item of a kind; null if the item is new. */
     model.expected = (kind) => {
       const expected = this.expected();
       return expected && this.kindOf(expected) === kind ? expected : null;
@@ -33,7 +32,7 @@ export class Guide {
     return this.model.guided();
   }
 
-  /** The entry that the next point is for; null where all are decided and none is chosen. */
+  /** The entry of the next point; null if all are decided and none is selected. */
   expected() {
     const { entries } = this;
     const current = entries.find(({ item }) => item.id === this.#current);
@@ -43,7 +42,7 @@ export class Guide {
     return next;
   }
 
-  // ---------------------------------------------------------------- which template
+  // ---------------------------------------------------------------- choosing a template
 
   async open() {
     try {
@@ -57,7 +56,7 @@ export class Guide {
     }
   }
 
-  /** Lists with landmarks that are still expected, or were skipped. */
+  /** Lists with missing or skipped landmarks. */
   #running() {
     return this.model.groups().flatMap(({ set, list, entries }) => {
       const total = entries.length;
@@ -89,7 +88,7 @@ export class Guide {
   }
 
   async goOn(set, list) {
-    // A list that came by a file has no template: its items are points then.
+    // A list from a file has no template: its items are points.
     const template = await this.annotations().template(list).catch(() => null);
     this.#kinds = new Map((template?.items ?? []).map(({ name, kind }) => [name, kind]));
     this.model.guide = [set, list];
@@ -98,7 +97,7 @@ export class Guide {
     this.#takeUp();
   }
 
-  /** The tool for what is expected now. */
+  /** The tool for the current entry. */
   #takeUp() {
     const expected = this.expected();
     if (expected) this.model.chooseTool(TOOL_OF[this.kindOf(expected)] ?? "point");
@@ -115,9 +114,9 @@ export class Guide {
     this.model.changed("guide");
   }
 
-  // ---------------------------------------------------------------- along it
+  // ---------------------------------------------------------------- progress
 
-  /** Something was placed or skipped: the next one that is expected, after it and then from the beginning. */
+  /** After an entry was placed or skipped: selects the next missing one, wrapping around. */
   advance() {
     const { entries } = this;
     const at = entries.findIndex(({ item }) => item.id === this.#current);
@@ -127,7 +126,7 @@ export class Guide {
     this.#takeUp();
   }
 
-  /** Places this one next. */
+  /** Makes this entry the next one. */
   choose(id) {
     this.#current = id;
     this.model.jumpTo(id);
@@ -141,7 +140,7 @@ export class Guide {
     this.advance();
   }
 
-  /** The one before, whatever became of it. */
+  /** Returns to the previous entry, placed or not. */
   back() {
     const { entries } = this;
     const at = entries.findIndex(({ item }) => item.id === this.#current);

@@ -1,23 +1,22 @@
-// What hands do in panes, by the tool that is chosen: look, edit by grabbing, place, grow, paint.
+// Gestures in panes by the chosen tool: navigate, grab, place, grow, paint.
 //
-// Looking is what panes do by themselves when nothing here takes a gesture, so nothing changes by
-// accident.
+// Panes navigate if no tool handles a gesture, so that no item changes by accident.
 
 import { Grab } from "./grab.js";
 import { Placing, SHAPES } from "./placing.js";
 import { distance, fewestPoints, pointsOf, sub, withPoint, withoutPoint } from "./geometry.js";
 import { request } from "/view.js";
 
-/** How long the cursor has to stand before its value is asked for. */
+/** Pause of the cursor before its value is requested, ms. */
 const VALUE_MS = 70;
 
 export class Hand {
   #valueTimer = 0;
   #lastPane = null;
-  /** Whether a press goes on: one that Escape broke off means nothing when it is let go. */
+  /** Whether the press is active: after Escape its release has no effect. */
   #pressed = false;
 
-  /** `annotations` gives the interface of the present volume; `commit`, `say`, `fail` are the page's. */
+  /** `annotations` returns the interface of the current volume; `commit`, `say`, `fail` are the page's. */
   constructor(model, { annotations, commit, say, fail }) {
     Object.assign(this, { model, annotations, commit, say, fail });
     const parts = {
@@ -28,7 +27,7 @@ export class Hand {
     };
     this.placing = new Placing(model, parts);
     this.grab = new Grab(model, parts);
-    /** Set by the page: growing and painting. */
+    /** Set by the page: handles growing and painting. */
     this.structures = null;
     model.on("tool", () => this.cancel());
   }
@@ -47,13 +46,13 @@ export class Hand {
 
   // ---------------------------------------------------------------- where
 
-  /** A place of a pane's picture with all that is kept about it; null where nothing is. */
+  /** A position in a pane's picture with its provenance; null if no surface is visible there. */
   async spot(pane, at, event) {
     const found = await pane.locate(at);
     return found && this.snapped(found, event);
   }
 
-  /** Moves a place by the snap that is chosen, and notes how it came about. */
+  /** Snaps a position with the chosen method, and records it in the provenance. */
   async snapped(found, event) {
     const device = { kind: event?.pointerType || "keyboard" };
     const spot = { ...found, from: found.mm, placement: { method: found.method, device, camera: found.camera } };
@@ -61,8 +60,8 @@ export class Hand {
     if (to === "off" || event?.ctrlKey) return spot;
     try {
       const level = to === "surface" ? { hu } : {};
-      // Along the line of sight if the place was seen in 3D: the intended place lies under the
-      // pointer.
+      // Along the line of sight if the position was picked in 3D: the intended position lies under
+      // the pointer.
       const ray = found.ray ? { ray: found.ray } : {};
       const moved = await this.annotations().snap({ at_mm: found.mm, ...ray, to, radius_mm, ...level });
       const shift = moved.shift_mm ?? sub(moved.at_mm, found.mm);
@@ -73,7 +72,7 @@ export class Hand {
     }
   }
 
-  /** The cursor goes to a place; its value follows. */
+  /** Moves the cursor to a position and requests the value there. */
   look(mm, hu = null) {
     this.model.moveCursor(mm, hu);
     clearTimeout(this.#valueTimer);
@@ -135,7 +134,7 @@ export class Hand {
     }
   }
 
-  /** A double click ends a curve; false where it means nothing here. */
+  /** A double click ends a curve; returns false if no curve is being drawn. */
   double() {
     if (this.model.tool === "curve" || this.model.tool === "contour") {
       this.placing.finish().catch((error) => this.fail(error));
@@ -144,14 +143,14 @@ export class Hand {
     return this.model.tool !== "navigate";
   }
 
-  /** Breaks off what is under way; false where nothing is. */
+  /** Cancels the current action; returns false if there is none. */
   cancel() {
     this.#pressed = false;
     const broken = [this.grab.cancel(), this.placing.cancel(), this.structures?.cancel() ?? false];
     return broken.some(Boolean);
   }
 
-  /** Enter: places at the cursor, moves the chosen point there, or ends a curve. */
+  /** Enter: places a point at the cursor, moves the chosen point there, or ends a curve. */
   async enter(ends) {
     const { tool, cursor } = this.model;
     if (ends && this.placing.points.length) return this.placing.finish();
@@ -173,7 +172,7 @@ export class Hand {
     await this.#made({ change: "update", item, version: entry.version }, spot);
   }
 
-  /** The point of a curve that is chosen goes, where the curve can do without; false where there is none. */
+  /** Removes the chosen point of a curve, if enough points remain; returns false if no point is chosen. */
   removePoint() {
     const { tool, selected, handle } = this.model;
     const entry = this.model.entry(selected);

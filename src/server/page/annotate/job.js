@@ -5,7 +5,7 @@
 
 import { element } from "./pane.js";
 
-/** Work that is done sooner is not worth a word. */
+/** Tasks that end sooner are not displayed, ms. */
 const SOON_MS = 300;
 
 export class Job {
@@ -21,7 +21,7 @@ export class Job {
     host.replaceChildren(bar, this.words, this.time, stop);
   }
 
-  /** Runs `ask` with a signal that ends it; what it gives, or the error that it ends with: an `AbortError` where it was broken off. */
+  /** Runs `ask` with an abort signal; returns its result or throws its error, an `AbortError` if it was cancelled. */
   async run(words, ask) {
     const job = { words, since: performance.now(), abort: new AbortController() };
     this.#running.push(job);
@@ -34,7 +34,7 @@ export class Job {
     }
   }
 
-  /** Breaks off the newest; false where there is none. */
+  /** Cancels the newest task; returns false if no task runs. */
   cancel() {
     const job = this.#running.pop();
     job?.abort.abort();

@@ -34,14 +34,14 @@ export function icon(name) {
 const iconOf = (item) =>
   item.state !== "defined" ? "missing" : item.geometry?.kind === "curve" && item.geometry.closed ? "contour" : (item.geometry?.kind ?? "missing");
 
-/** Rows beyond this are drawn when they are asked for. */
+/** Number of rows to draw before the user requests more. */
 const MOST_ROWS = 400;
 
 export class List {
   #shut = new Set();
   #renaming = null;
 
-  /** `change` sends an updated item, `remove` deletes, `mesh` and `fill` make structures. */
+  /** `change` saves an updated item, `remove` deletes one, `mesh` and `fill` make structures. */
   constructor(host, model, { change, remove, details, mesh, fill, say }) {
     Object.assign(this, { host, model, change, remove, details, mesh, fill, say });
     model.on("items sets selection", (changed) => (changed.has("items") || changed.has("sets") ? this.draw() : this.#mark()));
@@ -139,7 +139,7 @@ export class List {
     if (first && !this.host.querySelector(".chosen")) first.querySelector(".item-main")?.setAttribute("tabindex", "0");
   }
 
-  /** The name becomes a field in its row; Enter keeps it, Escape does not. */
+  /** Edits the name in its row; Enter saves it, Escape cancels. */
   rename(id) {
     const entry = this.model.entry(id);
     const place = this.host.querySelector(`[data-id="${id}"] .item-main`);
@@ -166,7 +166,7 @@ export class List {
     input.focus();
   }
 
-  /** The item before or after the chosen one, in the order that is shown. */
+  /** Selects the previous or next item in the displayed order. */
   step(by) {
     const ids = [...this.host.querySelectorAll(".item")].map((row) => row.dataset.id);
     if (!ids.length) return;

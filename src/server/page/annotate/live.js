@@ -1,19 +1,19 @@
 // Changes by other people: pushed by the server over a live session's WebSocket, and polled without
 // one.
 //
-// Asking costs little: an answer without news is a 304. A session that only listens takes no
-// frames: it acknowledges none, so two are sent to it, once.
+// Polling is cheap: a response without changes is a 304. The session acknowledges no frames, so the
+// server sends it only two.
 
 import { withTicket } from "/identity.js";
 
 const OFTEN_MS = 2000;
-/** While changes are told, asking is only for what a broken line swallowed. */
+/** Polling interval while the server sends changes: only for those that a broken connection lost, ms. */
 const SELDOM_MS = 20_000;
 const LONGEST_WAIT_MS = 30_000;
-/** The close code of a session that the server does not want. */
+/** The close code of a refused session. */
 const REFUSED = 1008;
 
-/** A message; null of what is none, which asking makes up for. */
+/** Parses a message; null if it is invalid, then polling finds the change. */
 function read(text) {
   try {
     return JSON.parse(text);
@@ -25,11 +25,11 @@ function read(text) {
 export class Live {
   #timer = 0;
   #wait = 1000;
-  #told = false;
+  #notified = false;
   #socket = null;
   #ended = false;
 
-  /** `news(seq)` is called when there may be some; `changed` with "live", "asking" or "away". */
+  /** Calls `news(seq)` when there may be changes, and `changed` with "live", "asking" or "away". */
   constructor(volume, author, { news, changed }) {
     Object.assign(this, { volume, author, news, changed });
     this.#connect();
@@ -45,14 +45,14 @@ export class Live {
 
   #later() {
     clearTimeout(this.#timer);
-    if (!this.#ended) this.#timer = setTimeout(() => this.#ask(), this.#told ? SELDOM_MS : OFTEN_MS);
+    if (!this.#ended) this.#timer = setTimeout(() => this.#ask(), this.#notified ? SELDOM_MS : OFTEN_MS);
   }
 
   async #ask(seq) {
     clearTimeout(this.#timer);
     if (this.#ended) return;
     const there = document.hidden ? true : await this.news(seq);
-    this.changed(there ? (this.#told ? "live" : "asking") : "away");
+    this.changed(there ? (this.#notified ? "live" : "asking") : "away");
     this.#later();
   }
 
@@ -77,14 +77,14 @@ export class Live {
       const message = read(data);
       if (message?.type === "welcome") this.#wait = 1000;
       if (message?.type !== "annotations") return;
-      this.#told = true;
+      this.#notified = true;
       this.#ask(message.seq);
     });
     socket.addEventListener("close", ({ code }) => {
-      this.#told = false;
+      this.#notified = false;
       if (this.#ended) return;
       this.#later();
-      // Refused: it would be again.
+      // Refused: trying again would be refused too.
       if (code === REFUSED) return;
       setTimeout(() => this.#connect(), this.#wait);
       this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);

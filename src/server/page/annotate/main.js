@@ -28,12 +28,12 @@ let isOn = false;
 /** The name that the server has verified; null on an open server. */
 let verified = null;
 
-// ---------------------------------------------------------------- telling
+// ---------------------------------------------------------------- messages
 
 let noticeTimer = 0;
 let briefTimer = 0;
 
-/** A sentence for people: above the panes, or, where it is brief, in the line at the bottom. */
+/** Displays a message: above the panes, or in the status line if it is brief. */
 function say(text, { brief = false, error = false, stays = false } = {}) {
   if (brief) {
     $("brief").textContent = text;
@@ -48,7 +48,7 @@ function say(text, { brief = false, error = false, stays = false } = {}) {
   if (!stays) noticeTimer = setTimeout(() => ($("notice").hidden = true), error ? 12_000 : 6000);
 }
 
-/** Tells an error; null tells that things work again. */
+/** Displays an error; null clears it. */
 function fail(error) {
   if (!error) return;
   if (error.kind === "nothing-to-undo") return say("There is nothing of yours to take back, or to make again.", { brief: true });
@@ -59,7 +59,7 @@ function fail(error) {
 
 // ---------------------------------------------------------------- changes
 
-/** Who changes things has a name; it is asked for once. */
+/** Returns the author's name; the user enters it once. */
 async function named() {
   if (model.author) return true;
   const name = await askAuthor("");
@@ -68,7 +68,7 @@ async function named() {
   return Boolean(name);
 }
 
-/** All changes or none; the events, or null where nothing was changed. */
+/** Applies all changes or none; returns the events, or null if nothing changed. */
 async function commit(changes, reason = "") {
   if (!isOn) {
     say("Annotations are off on this server: nothing can be kept.");
@@ -83,12 +83,12 @@ async function commit(changes, reason = "") {
   }
 }
 
-/** Both versions are shown, and the person decides. */
+/** Displays both versions of a conflict; the user decides. */
 async function settle({ current }, changes, reason) {
   const change = changes.find(({ item, id }) => (item?.id ?? id) === current?.item.id) ?? changes[0];
   await reload();
   if (change.change === "delete") {
-    say(current ? `“${current.item.name}” was changed by somebody else meanwhile, and is still there. Look at it, and delete it again.` : "It was deleted already.");
+    say(current ? `“${current.item.name}” was changed by another user in the meantime and was not deleted. Check it, and delete it again.` : "It was deleted already.");
     return null;
   }
   const answer = await askConflict(current, change.item);
@@ -100,7 +100,7 @@ async function settle({ current }, changes, reason) {
   return null;
 }
 
-/** Events of one's own changes; the whole list where something came between. */
+/** Applies the events of own changes; reloads the list if other events are missing. */
 async function took(events) {
   if (!model.follow(events)) await reload(true);
   return events;
@@ -137,11 +137,11 @@ async function back(what) {
   } catch (error) {
     if (!(error instanceof Conflict)) return fail(error);
     await reload();
-    say("That cannot be taken back by itself: somebody else has changed the same item since.", { error: true });
+    say("This cannot be undone: another user has changed the same item since.", { error: true });
   }
 }
 
-/** What the server has now. False where it does not answer. */
+/** Loads all items; returns false if the server does not respond. */
 async function reload(whole = false) {
   if (whole) annotations.tag = null;
   try {
@@ -204,7 +204,7 @@ async function exportAs() {
   if (choice) await files.save(choice);
 }
 
-// Placing goes on along a template by itself.
+// Placing continues with the next entry of the template.
 const commitAlong = hand.placing.commit;
 hand.placing.commit = async (change, spot) => {
   const along = model.guide !== null && change.change === "update";

@@ -3,17 +3,17 @@
 
 import { measures, middleOf } from "./geometry.js";
 
-/** The first view of the 3D pane. */
+/** The initial view of the 3D pane. */
 export const HOME = Object.freeze({ azimuth: 20, elevation: 10, zoom: 1 });
 
-/** Colours of kinds that have none of their own, display-referred sRGB. */
+/** Default colours of kinds of items, display-referred sRGB. */
 const COLORS = {
   point: "#ffb86b", line: "#6fd6dc", angle: "#f78fb3", curve: "#9be564", plane: "#b99cff", region: "#ff8a75", mesh: "#ead9b0",
 };
 
 const hex = (channel) => Math.round(255 * channel).toString(16).padStart(2, "0");
 
-/** An item's colour for the page: its own, or its kind's. */
+/** An item's colour: its own, or that of its kind. */
 export const colorOf = (item) =>
   item.rgb ? `#${item.rgb.map(hex).join("")}` : COLORS[item.geometry?.kind ?? "point"];
 
@@ -22,19 +22,19 @@ export const rgbOf = (color) => [1, 3, 5].map((at) => Number((parseInt(color.sli
 const AUTHOR = "relief-author";
 const SET = "relief-set";
 
-/** Storage may be forbidden; the page works without. */
+/** Storage may be forbidden; the page works without it. */
 function kept(key, value) {
   try {
     if (value === undefined) return localStorage.getItem(key) ?? "";
     localStorage.setItem(key, value);
   } catch {
-    // Nothing is kept then.
+    // The preference is not kept.
   }
   return value ?? "";
 }
 
 /**
- * Tells listeners once per turn what changed: `items`, `sets`, `cursor`, `selection`, `tool`, `draft`, `author`, `look`,
+ * Notifies listeners of changes, once per turn of the event loop: `items`, `sets`, `cursor`, `selection`, `tool`, `draft`, `author`, `look`,
  * `window`, `pose`, `guide`.
  */
 export class Model {
@@ -46,14 +46,14 @@ export class Model {
   templates = [];
   seq = 0;
   volume = null;
-  /** Where all slices meet, and what is there. */
+  /** The position where all slices meet, and the value there. */
   cursor = { mm: [0, 0, 0], hu: null };
   selected = null;
-  /** Which point of the selected item is in the hand. */
+  /** Index of the grabbed point of the selected item. */
   handle = 0;
   tool = "navigate";
   snap = { to: "off", radius_mm: 5, hu: 300 };
-  /** Of the slices, HU; that of the volume's anatomy until the user changes it. */
+  /** Window of the slices, HU; follows the anatomy of the volume until the user changes it. */
   window = { center: 40, width: 400, isOwn: false };
   preset = "bone";
   hasOwnPreset = false;
@@ -64,13 +64,13 @@ export class Model {
   table = "remove";
   /** The 3D view is never a slice. */
   slice = { plane: "" };
-  /** The oblique slice is turned as the 3D view is, while it follows. */
+  /** Whether the oblique slice follows the orientation of the 3D view. */
   oblique = { follows: true, normal: [0.34, -0.92, 0.17], up: [0, 0, 1] };
   author = kept(AUTHOR);
   set = kept(SET) || "default";
-  /** Sets that are not drawn. */
+  /** Hidden sets. */
   dark = new Set();
-  /** The list that a template is being gone through in, as [set, list]. */
+  /** The list of the template in progress, as [set, list]. */
   guide = null;
 
   on(names, listener) {
@@ -117,7 +117,7 @@ export class Model {
     this.changed("tool");
   }
 
-  /** All that the server has. Its measures are those of the geometry. */
+  /** Replaces all items by those of the server, with their measures. */
   take({ seq, items, sets = [], templates = null }) {
     this.seq = seq;
     this.items = new Map(items.map((entry) => [entry.item.id, entry]));
@@ -127,7 +127,7 @@ export class Model {
     this.changed("items", "sets");
   }
 
-  /** What an own change did, as the server tells it. False where something is missing between. */
+  /** Applies the events of an own change; false if events before them are missing. */
   follow(events) {
     let whole = true;
     for (const { seq, id, version, item } of events) {
@@ -146,12 +146,12 @@ export class Model {
     return this.items.get(id) ?? null;
   }
 
-  /** Items that are drawn: visible, of sets that are not dark. */
+  /** Items to draw: visible ones of visible sets. */
   shown() {
     return [...this.items.values()].filter(({ item }) => item.visible && item.geometry && !this.dark.has(item.set));
   }
 
-  /** Items by set and list, both in the order of their names, items in theirs. */
+  /** Items by set and list: both sorted by name, items in their order. */
   groups() {
     const groups = new Map();
     for (const entry of this.items.values()) {
@@ -165,14 +165,14 @@ export class Model {
     return [...groups.values()].sort((a, b) => a.set.localeCompare(b.set) || a.list.localeCompare(b.list));
   }
 
-  /** Items of the list that is gone through, in their order; nothing where there is no guide. */
+  /** Items of the template in progress, in order; empty without one. */
   guided() {
     if (!this.guide) return [];
     const [set, list] = this.guide;
     return this.groups().find((group) => group.set === set && group.list === list)?.entries ?? [];
   }
 
-  /** A name that the set does not have: Point 1, Point 2, ... */
+  /** An unused name in the set: Point 1, Point 2, ... */
   freeName(kind) {
     const taken = new Set([...this.items.values()].filter(({ item }) => item.set === this.set).map(({ item }) => item.name));
     for (let number = 1; ; number += 1) if (!taken.has(`${kind} ${number}`)) return `${kind} ${number}`;

@@ -1,5 +1,5 @@
 // Annotations as SVG over a picture: text of elements, for a projection and a size in CSS pixels. It
-// touches no element.
+// accesses no element.
 //
 // In a slice, items near the plane are opaque and fade with the distance. In 3D, hidden items are
 // dimmed.
@@ -8,23 +8,23 @@ import { add, clamp, corners, cross, distance, dot, lerp, length, measureWords, 
 import { SliceProjection } from "./projections.js";
 import { colorOf } from "./model.js";
 
-/** Distances from a slice's plane, mm: drawn full up to the first, gone from the second. */
+/** Distances from a slice's plane, mm: opaque up to the first, invisible from the second. */
 const NEAR_MM = 1.5;
 const REACH_MM = 12;
 const HIDDEN = 0.32;
 const MOST_LABELS = 150;
-/** Places for labels are looked for so often: more would only find that there is no room. */
+/** Number of attempts to place labels: with more labels there is no room for them. */
 const MOST_TRIES = 600;
-/** Beyond so many items, points that are not chosen are dots: one element for all of a colour and strength. */
+/** Above this number of items, unselected points are dots: one element for each colour and opacity. */
 const CROWD = 400;
-/** Straight parts of lines are this long where their strength may change. */
+/** Length of the segments of lines whose opacity varies. */
 const PART_MM = 3;
 const MOST_PARTS = 60;
 
 const escaped = (text) => text.replace(/[&<>"']/g, (letter) => `&#${letter.charCodeAt(0)};`);
 const fixed = (value) => value.toFixed(1);
 
-/** How strongly something is drawn that is projected so: 0 to 1. */
+/** Opacity of a projected point, 0 to 1. */
 function strength(projection, projected) {
   if (!projected) return 0;
   if (!(projection instanceof SliceProjection)) return projection.hides(projected) ? HIDDEN : 1;
@@ -37,7 +37,7 @@ class Drawing {
     Object.assign(this, { projection, width, height, parts: [], texts: [], boxes: [], dots: new Map(), tries: 0 });
   }
 
-  /** A point among thousands. */
+  /** A point drawn as a dot. */
   dot(at, color) {
     if (at.strength <= 0.1 || !this.isSeen(at)) return;
     const key = `stroke="${color}" opacity="${(Math.ceil(5 * at.strength) / 5).toFixed(1)}"`;
@@ -62,7 +62,7 @@ class Drawing {
     return x > -30 && y > -30 && x < this.width + 30 && y < this.height + 30;
   }
 
-  /** A line through points, in parts of one strength each. */
+  /** A line through points, in segments of one opacity each. */
   line(points, attributes) {
     const runs = [];
     for (let i = 1; i < points.length; i += 1) {
@@ -96,7 +96,7 @@ class Drawing {
     this.parts.push(`<g opacity="${at.strength.toFixed(2)}">${halo}${form} class="ring" stroke="${color}"${dashes}/>${dot}</g>`);
   }
 
-  /** A text beside a place, where no other one is; those that are selected always. */
+  /** A label beside a position, if it overlaps no other; labels of selected items are always drawn. */
   text(at, words, { color, selected }) {
     if (at.strength < 0.3 || !this.isSeen(at) || ((this.texts.length >= MOST_LABELS || this.tries > MOST_TRIES) && !selected)) return;
     this.tries += 1;
@@ -104,7 +104,7 @@ class Drawing {
     const [left, right] = [-9 - width, 9];
     const sides = [-7, 15, -21, 29].flatMap((dy) => [[right, dy], [left, dy]]);
     const inside = sides.filter(([dx]) => at.x + dx > 0 && at.x + dx + width < this.width);
-    // Too wide for either side: above or below the place, as far along as there is room.
+    // Too wide for either side: above or below the position, shifted into the picture.
     const between = clamp(right, 2 - at.x, Math.max(2, this.width - width - 2) - at.x);
     const tries = inside.length ? inside : [[between, -12], [between, 20]];
     const free = tries.find(([dx, dy]) => !this.boxes.some((box) => overlaps(box, [at.x + dx, at.y + dy - 11, width, 14])));
@@ -112,7 +112,7 @@ class Drawing {
     const [dx, dy] = free ?? tries[0];
     this.boxes.push([at.x + dx, at.y + dy - 11, width, 14]);
     const opacity = Math.min(1, at.strength + 0.05).toFixed(2);
-    // Widths are a guess: what stands on the left ends there, whatever it is.
+    // Widths are estimates: text on the left is aligned to its end.
     const [start, anchor] = dx === left ? [-9, ' text-anchor="end"'] : [dx, ""];
     this.texts.push(`<text x="${fixed(at.x + start)}"${anchor} y="${fixed(at.y + dy)}" fill="${color}" opacity="${opacity}"${selected ? ' class="chosen"' : ""}>${escaped(words)}</text>`);
   }
@@ -120,7 +120,7 @@ class Drawing {
 
 const overlaps = ([ax, ay, aw, ah], [bx, by, bw, bh]) => ax < bx + bw && bx < ax + aw && ay < by + bh && by < ay + ah;
 
-/** The arc between the arms of an angle, near its corner. */
+/** The arc between the arms of an angle, near its vertex. */
 function arc([a, corner, b]) {
   const [first, second] = [sub(a, corner), sub(b, corner)];
   const radius = 0.25 * Math.min(length(first), length(second));
@@ -133,7 +133,7 @@ function arc([a, corner, b]) {
   });
 }
 
-/** Where a plane's rectangle meets a slice: two points, or nothing. */
+/** The intersection of a plane's rectangle with a slice: two points, or nothing. */
 function crossing(plane, projection) {
   const edges = corners(plane);
   const found = [];
@@ -173,8 +173,8 @@ function drawItem(drawing, { item, measures = measured(item.geometry) }, { selec
 }
 
 /**
- * SVG of items, and of the draft, on a picture of `size` CSS pixels. `draft` is an item that is not there yet, with what it was
- * moved by when it snapped.
+ * SVG of items and of the draft on a picture of `size` CSS pixels. `draft` is an item that is not saved yet, with the
+ * displacement by snapping.
  */
 export function itemsSvg(entries, projection, size, { selected = null, handle = 0, draft = null, moved = null } = {}) {
   const drawing = new Drawing(projection, size);
@@ -191,7 +191,7 @@ export function itemsSvg(entries, projection, size, { selected = null, handle = 
   return drawing.svg;
 }
 
-/** The lines in which other planes cut a slice, meeting at the cursor: `planes` are [normal, colour]. */
+/** The lines where other planes cut a slice, through the cursor: `planes` are [normal, colour]. */
 export function crossSvg(projection, cursor, planes, [width, height]) {
   const parts = [];
   const middle = projection.project(cursor).at;

@@ -7,9 +7,9 @@
 import { pinch } from "/gestures.js";
 import { Fetcher, stillSize } from "/view.js";
 
-/** A press that travels less than this is a click, CSS pixels. */
+/** A press that moves less than this is a click, CSS pixels. */
 const CLICK_PIXELS = 4;
-/** A pause this long counts as standing still. */
+/** Pause after the last change before a complete picture is requested, ms. */
 const STILL_MS = 180;
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -32,7 +32,7 @@ export class Pane {
   #gesture = null;
   #frame = 0;
 
-  /** `hand` is asked first what a gesture means (see `hand.js`); `fail` gets errors. */
+  /** `hand` handles gestures first (see `hand.js`); `fail` gets errors. */
   constructor(host, { name, title, keys }, { model, hand, fail }) {
     Object.assign(this, { name, title, model, hand, shown: null, projection: null, fail });
     this.picture = element("canvas", { className: "picture" });
@@ -83,7 +83,7 @@ export class Pane {
     for (const pane of grid.children) pane.classList.toggle("large", pane.dataset.pane === large);
   }
 
-  /** Asks for the picture of the present state, unless that is there already. */
+  /** Requests a picture of the current state, unless it is displayed already. */
   refresh(moving = false) {
     if (!this.model.volume || this.root.clientWidth < 24) return;
     clearTimeout(this.#stillTimer);
@@ -93,7 +93,7 @@ export class Pane {
     this.fetcher.want(order);
   }
 
-  /** Draws everything over the picture, once for all that changed before the next frame of the screen. */
+  /** Draws all layers over the picture, once for all changes before the next frame of the screen. */
   draw() {
     if (this.#frame) return;
     this.#frame = requestAnimationFrame(() => {
@@ -115,13 +115,13 @@ export class Pane {
     this.projection = this.projectionOf(picture);
     this.paint(picture);
     for (const edge of Object.keys(this.edges)) this.edges[edge].textContent = picture.camera?.edges[edge] ?? "";
-    // For those who drive the page: how many pictures came, and whether the last one is whole.
+    // For scripts that drive the page: the number of pictures, and whether the last one is complete.
     this.root.dataset.pictures = Number(this.root.dataset.pictures ?? 0) + 1;
     this.root.dataset.still = String(!picture.moving);
     this.draw();
   }
 
-  /** Puts a picture on the canvas; all of it. */
+  /** Draws a picture on the whole canvas. */
   paint({ bitmap }, width = bitmap.width) {
     if (this.picture.width !== width || this.picture.height !== bitmap.height) {
       Object.assign(this.picture, { width, height: bitmap.height });
@@ -129,7 +129,7 @@ export class Pane {
     this.context.drawImage(bitmap, 0, 0);
   }
 
-  /** Fractions of the picture's width and height; a pixel is told by its middle. */
+  /** Fractions of the picture's width and height; a pixel is represented by its centre. */
   fractions(event) {
     const box = this.root.getBoundingClientRect();
     const half = 0.5 / devicePixelRatio;

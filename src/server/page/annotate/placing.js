@@ -1,10 +1,10 @@
-// Placing by hand: a press previews a point, its release sets it, and as many points as the tool
-// takes become an item.
+// Placing by hand: a press previews a point, its release places it. When the tool has enough points,
+// they become an item.
 
 import { distance, measures, planeOf } from "./geometry.js";
 import { newId } from "./api.js";
 
-/** What tools make: the fewest and the most points, and the beginning of a name. */
+/** The tools: least and greatest number of points, and the prefix of names. */
 export const SHAPES = {
   point: { least: 1, most: 1, name: "Point" },
   line: { least: 2, most: 2, name: "Line" },
@@ -14,12 +14,12 @@ export const SHAPES = {
   plane: { least: 3, most: 3, name: "Plane" },
 };
 
-/** A click this near to the first point of a contour closes it, CSS pixels. */
+/** A click this close to the first point of a contour closes it, CSS pixels. */
 const CLOSE_PIXELS = 10;
-/** Points nearer than this are one: the second click of a double click. */
+/** Points closer than this are one point: the second click of a double click. */
 const SAME_MM = 0.3;
 
-/** The geometry of so many points: what the tool makes of them, or what comes on the way there. */
+/** The geometry of the points placed so far: the finished one of the tool, or an intermediate one. */
 function shapeOf(tool, points) {
   const [first, second, third] = points;
   const closed = tool === "contour" && points.length > 2;
@@ -38,7 +38,7 @@ export class Placing {
   #latest = null;
   #queue = Promise.resolve();
 
-  /** `spot` finds a place with its snap; `commit` sends changes; `say` tells people. */
+  /** `spot` finds a position and snaps it; `commit` sends changes; `say` displays messages. */
   constructor(model, { spot, commit, say }) {
     Object.assign(this, { model, spot, commit, say });
   }
@@ -51,7 +51,7 @@ export class Placing {
     return this.#spots.length > 0 || this.#hover !== null;
   }
 
-  /** What is drawn before it is there. */
+  /** The draft to draw. */
   get draft() {
     const spots = this.#hover ? [...this.#spots, this.#hover] : this.#spots;
     if (!spots.length) return null;
@@ -61,7 +61,7 @@ export class Placing {
     return { item: { name: "", geometry, locked: false }, measures: measures(geometry), handle: spots.length - 1, ...shift };
   }
 
-  /** Previews a place; of those that come while one is looked for, the last is looked for next. */
+  /** Previews a position; of those that arrive during a request, only the last is requested next. */
   async preview(pane, at, event) {
     this.#latest = { pane, at, event };
     if (this.#busy) return;
@@ -82,7 +82,7 @@ export class Placing {
     this.model.changed("draft");
   }
 
-  /** Sets a point where the pointer was released. */
+  /** Places a point where the pointer was released. */
   release(pane, at, event) {
     this.#latest = null;
     this.#asked += 1;
@@ -99,7 +99,7 @@ export class Placing {
     return this.#queue;
   }
 
-  /** Sets a point at a known place: the cursor's. */
+  /** Places a point at the cursor. */
   set(spot) {
     this.#queue = this.#queue.then(() => this.#add(spot));
     return this.#queue;
@@ -120,7 +120,7 @@ export class Placing {
     if (this.#spots.length >= SHAPES[this.model.tool].most) await this.#finish();
   }
 
-  /** Ends a curve with the points that it has. */
+  /** Ends a curve with its present points. */
   finish() {
     this.#queue = this.#queue.then(() => this.#finish());
     return this.#queue;
@@ -138,7 +138,7 @@ export class Placing {
     await this.commit(this.#change(geometry, last, name), last);
   }
 
-  /** The expected landmark of a template, or a new item. */
+  /** Saves the points as the expected landmark of a template, or as a new item. */
   #change(geometry, { placement }, name) {
     const expected = this.model.expected?.(geometry.kind) ?? null;
     if (expected) {
@@ -151,7 +151,7 @@ export class Placing {
     return { change: "create", item };
   }
 
-  /** Takes the last point back; false where there is none. */
+  /** Removes the last point; returns false if there is none. */
   takeBack() {
     if (!this.#spots.pop()) return false;
     this.model.changed("draft");

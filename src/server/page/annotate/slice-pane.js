@@ -16,7 +16,7 @@ function placeWords(volume, axis, mm) {
   return `${sliceNumber(volume, axis, mm).join("/")}, ${["LR", "PA", "HF"][axis][mm < 0 ? 1 : 0]} ${Math.abs(mm).toFixed(1)}`;
 }
 
-/** Directions of a plane's picture: what points right and up. */
+/** The directions of the right and upper edges of a plane's picture. */
 function directions(name, model) {
   if (PLANES[name]) return PLANES[name];
   const { normal, up } = model.oblique;
@@ -33,7 +33,7 @@ export class SlicePane extends Pane {
     super(host, { name, title, keys: KEYS }, parts);
   }
 
-  /** The plane as it is wanted now. It shows all of the volume, closer by the zoom, and lies where the cursor is. */
+  /** The plane to request: through the cursor, showing the whole volume magnified by the zoom. */
   wanted() {
     const { volume, cursor } = this.model;
     const { right, up } = directions(this.name, this.model);
@@ -59,7 +59,7 @@ export class SlicePane extends Pane {
     return { url: `/v1/volumes/${this.model.volume.id}/slice?${query}`, accept, view, size };
   }
 
-  /** By the camera that the server tells: its own word on right and up counts. */
+  /** The projection of the camera in the response: the server decides on right and up. */
   projectionOf({ camera, view }) {
     const { eye_mm: eye, look_at_mm: center, up, projection } = camera.camera;
     const right = unit(cross(sub(center, eye), up));
@@ -83,7 +83,7 @@ export class SlicePane extends Pane {
     this.hand.structures?.drawSlice(this);
   }
 
-  /** Where a place of the picture is. Exact: nothing has to be asked. */
+  /** The patient position at a position in the picture. It is exact and needs no request. */
   async locate(at) {
     return this.projection && { mm: this.projection.unproject(at), method: "slice", camera: this.projection.record() };
   }
@@ -92,7 +92,7 @@ export class SlicePane extends Pane {
     if (this.projection) this.hand.look(this.projection.unproject(at));
   }
 
-  /** The left button takes the cursor along, others move the picture; with Shift the window changes. */
+  /** The left button moves the cursor, other buttons the picture; with Shift the window changes. */
   drag([dx, dy], { button }, event) {
     if (event.shiftKey) return this.#windowBy(dx, dy);
     if (button === 0 && !event.altKey) return this.click(this.fractions(event));
@@ -111,13 +111,13 @@ export class SlicePane extends Pane {
     this.model.changed("window");
   }
 
-  /** Goes through slices by voxels. */
+  /** Moves through slices by voxels. */
   page(steps) {
     const { right, up } = directions(this.name, this.model);
     const axis = PLANES[this.name]?.axis;
     const { volume } = this.model;
     const step = axis === undefined ? Math.min(...volume.spacing_mm) : sliceStep(volume, axis);
-    // Away from the viewer of an axial slice is towards the feet: up is towards the head for all.
+    // The viewing direction of an axial slice is towards the feet: wheel up moves towards the head.
     const towards = cross(right, up);
     const sign = Math.sign(towards.find((value) => Math.abs(value) > 0.5) ?? 1);
     this.model.moveCursor(add(this.model.cursor.mm, scale(towards, sign * steps * step)));
@@ -129,7 +129,7 @@ export class SlicePane extends Pane {
     this.page((event.shiftKey ? 5 : 1) * -Math.sign(pixels || -event.deltaX));
   }
 
-  /** Closer at a place of the picture, which stays where it is. */
+  /** Zooms around a position in the picture. */
   zoom(ratio, at = [0.5, 0.5]) {
     const before = this.wanted();
     this.#zoom = clamp(this.#zoom * ratio, 0.5, 30);
@@ -146,7 +146,7 @@ export class SlicePane extends Pane {
     this.refresh();
   }
 
-  /** By the keyboard: the cursor within the plane by voxels to the right and up, or the picture. */
+  /** Keyboard: moves the cursor in the plane by voxels to the right and up, or the picture. */
   step(right, up, moves = false) {
     if (moves) return this.pan([0.05 * right * this.size[1], -0.05 * up * this.size[1]]);
     const basis = directions(this.name, this.model);

@@ -1,14 +1,14 @@
-// Structures out of places: a region grown from a seed, painted with a sphere, filled between
-// contours; a mesh of a region.
+// Structures: a region grown from a seed, painted with a sphere, or filled between contours; a mesh
+// of a region.
 
 import { colorOf } from "./model.js";
 import { Contents, previewed } from "./contents.js";
 import { drawIn3d, drawInSlice } from "./surfaces.js";
 
 const $ = (id) => document.getElementById(id);
-/** The colour of a region that is not made yet, that of its seed. */
+/** The colour of a previewed region, and of its seed. */
 const PREVIEW_COLOR = "#ff8a75";
-/** Numbers that are typed are previewed after a pause, ms. */
+/** Pause after typing before a preview is requested, ms. */
 const PAUSE_MS = 200;
 
 const number = (id) => ($(id).value === "" ? null : Number($(id).value));
@@ -16,13 +16,13 @@ const number = (id) => ($(id).value === "" ? null : Number($(id).value));
 export class Structures {
   #pressed = null;
   #stroke = null;
-  /** Ends the preview that is asked for. */
+  /** Aborts the requested preview. */
   #asking = null;
-  /** What the region would hold. */
+  /** The previewed region. */
   #extent = null;
   #timer = 0;
 
-  /** `job` shows work that takes a while. */
+  /** `job` displays long tasks. */
   constructor(model, { annotations, spot, commit, took, say, fail, redraw, job }) {
     Object.assign(this, { model, annotations, spot, commit, took, say, fail, redraw, job, advance: () => {} });
     for (const button of document.querySelectorAll("[data-refine]")) button.addEventListener("click", () => this.refine(button.dataset.refine));
@@ -42,7 +42,7 @@ export class Structures {
     return tool === "grow" || tool === "paint";
   }
 
-  /** What is drawn before it is there: the seed, or the sphere of the brush. */
+  /** The draft to draw: the seed, or the sphere of the brush. */
   get draft() {
     const { tool } = this.model;
     if (tool === "grow" && (this.#pressed ?? this.seed)) return marked("seed", (this.#pressed ?? this.seed).mm);
@@ -74,7 +74,7 @@ export class Structures {
     return this.at(found);
   }
 
-  /** Begins at a known place. */
+  /** Starts at a known position. */
   at(found) {
     if (this.model.tool === "paint") return this.paint(found.mm);
     this.seed = found;
@@ -96,7 +96,7 @@ export class Structures {
     return begun;
   }
 
-  /** The size of the brush, where the pointer is. */
+  /** Draws the brush at the pointer. */
   ring(pane, at) {
     const radius = (number("paint-radius") ?? 5) / (pane.projection?.height ?? Infinity);
     const svg = pane.itemLayer;
@@ -123,7 +123,7 @@ export class Structures {
     this.redraw();
   }
 
-  /** How much it would be and where, before anything is made. */
+  /** Requests the size and extent of the region before it is made. */
   async preview() {
     const { seed } = this;
     $("grow-now").disabled = true;
@@ -183,14 +183,14 @@ export class Structures {
     await this.#stroke;
   }
 
-  /** A mesh of a region. */
+  /** Makes a mesh of a region. */
   async mesh(entry) {
     const body = { region: entry.item.id, name: `${entry.item.name} mesh`, set: entry.item.set };
     const made = await this.#made(`Making a mesh of “${entry.item.name}” …`, (signal) => this.annotations().mesh(body, signal));
     if (made) await this.#becomeExpected(made, "mesh");
   }
 
-  /** What a template expects takes the place of what was made just now, in one change. */
+  /** Moves the new geometry into the entry that the template expects, in one change. */
   async #becomeExpected(made, kind) {
     const expected = this.model.expected?.(kind);
     const entry = this.model.entry(made.id);
@@ -200,7 +200,7 @@ export class Structures {
     if (events) this.advance();
   }
 
-  /** A region between closed curves. */
+  /** Fills a region between closed curves. */
   fill(entries) {
     const [first] = entries;
     const body = { curves: entries.map(({ item }) => item.id), name: this.model.freeName("Region"), set: first.item.set };

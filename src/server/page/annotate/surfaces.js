@@ -3,7 +3,7 @@
 
 const rgb = (color) => [1, 3, 5].map((at) => parseInt(color.slice(at, at + 2), 16));
 
-/** Prepares a layer for its pane: its size in layer pixels, half as many as CSS pixels where that is enough. */
+/** Prepares a layer for its pane: returns its size in layer pixels, half the CSS pixels if that is enough. */
 function cleared(pane, scale) {
   const [width, height] = pane.size.map((side) => Math.max(1, Math.round(side * scale)));
   const { layer } = pane;
@@ -24,7 +24,7 @@ export function drawInSlice(pane, shapes) {
   }
 }
 
-/** The voxels that the slice's plane goes through, its edge strong. */
+/** The voxels in the slice's plane, with an opaque outline. */
 function drawArea(context, projection, { content, color, selected }, width, height) {
   const [w, h] = [Math.ceil(width / 2), Math.ceil(height / 2)];
   const index = (x, y) => {
@@ -55,7 +55,7 @@ function drawArea(context, projection, { content, color, selected }, width, heig
   context.drawImage(small, 0, 0, width, height);
 }
 
-/** Where the slice's plane cuts triangles. */
+/** The intersection of triangles with the slice's plane. */
 function drawCut(context, projection, { content, color, selected }, width, height, scale) {
   const { vertices, triangles } = content;
   const { center, normal } = projection;
@@ -84,7 +84,7 @@ function drawCut(context, projection, { content, color, selected }, width, heigh
   context.stroke();
 }
 
-/** Surfaces with their own depths, and dimmed where the picture hides them. */
+/** Surfaces with their depths, dimmed where the volume hides them. */
 export function drawIn3d(pane, shapes) {
   if (!shapes.length) return cleared(pane, 0);
   const { context, width, height } = cleared(pane, 1);
@@ -106,7 +106,7 @@ export function drawIn3d(pane, shapes) {
   context.putImageData(image, 0, 0);
 }
 
-/** Brightness of a surface that is turned so, by a light at the eye: 0.25 to 1. */
+/** Brightness of a surface by its normal, with a light at the eye: 0.25 to 1. */
 const lit = (facing) => 0.25 + 0.75 * Math.min(1, Math.abs(facing));
 
 function fillVoxels({ content, color, selected }, projection, target) {
@@ -157,7 +157,7 @@ function fillTriangles({ content, color, selected }, projection, target) {
   }
 }
 
-/** By barycentric coordinates at the middles of pixels. */
+/** Interpolates barycentric coordinates at the centres of pixels. */
 function fillTriangle(placed, a, b, c, shade, target, selected) {
   const [ax, ay, az, bx, by, bz, cx, cy, cz] = [a, b, c].flatMap((i) => [placed[3 * i], placed[3 * i + 1], placed[3 * i + 2]]);
   const area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);

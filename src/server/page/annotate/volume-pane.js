@@ -29,7 +29,7 @@ export class VolumePane extends Pane {
     return { url: `/v1/volumes/${model.volume.id}/frame?${query}`, accept, look, size, layout };
   }
 
-  /** Depth comes beside a picture that stands still: by it is known what hides what. */
+  /** A complete picture has depth beside colour: it decides which items are hidden. */
   projectionOf({ bitmap, layout, camera }) {
     if (layout !== "rgbd") return new CameraProjection(camera);
     const [width, height] = [bitmap.width / 2, bitmap.height];
@@ -57,7 +57,7 @@ export class VolumePane extends Pane {
     this.crop?.draw();
   }
 
-  /** What is seen at a place of the picture; null where nothing is. */
+  /** The visible surface at a position in the picture; null if there is none. */
   async locate(at, signal) {
     if (!this.shown) return null;
     const { look, size } = this.shown;
@@ -79,7 +79,7 @@ export class VolumePane extends Pane {
     }
   }
 
-  /** The left button turns; the right one, or Shift, moves. */
+  /** The left button rotates; the right one, or Shift, moves. */
   drag([dx, dy], { button }, event) {
     if (button === 2 || event.shiftKey) return this.pan([dx, dy]);
     const { azimuth, elevation, zoom } = this.model.pose;
@@ -91,7 +91,7 @@ export class VolumePane extends Pane {
     this.zoom(Math.exp(-pixels * 0.0015));
   }
 
-  /** Closer; what is seen at a place of the picture stays there where one is given. */
+  /** Zooms, around a position in the picture if one is given. */
   zoom(ratio, at = null) {
     const { pose, volume } = this.model;
     this.turn(at ? zoomedAt(pose, volume, FIELD_OF_VIEW, this.size, ratio, at) : { zoom: pose.zoom * ratio });
@@ -112,7 +112,7 @@ export class VolumePane extends Pane {
     this.model.changed("pose");
   }
 
-  /** By the keyboard: turns, or moves the picture. */
+  /** Keyboard: rotates or moves the picture. */
   step(right, up, moves = false) {
     if (moves) return this.pan([0.05 * right * this.size[1], -0.05 * up * this.size[1]]);
     const { azimuth, elevation } = this.model.pose;

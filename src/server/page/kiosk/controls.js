@@ -1,9 +1,9 @@
-// Mouse, touch, pen, keyboard and gamepad as intents. Movements are added up and sent once for each
-// picture of the screen.
+// Mouse, touch, pen, keyboard and gamepad as intents. Movements are accumulated and sent once for each
+// frame of the screen.
 
 const DEGREES_A_PIXEL = 0.35;
 const CLICK_PIXELS = 4;
-/** By the name of the key, with Shift+ or Ctrl+ before it where these are held. */
+/** By key name, with the prefixes Shift+ and Ctrl+. */
 const KEYS = {
   ArrowLeft: { intent: "orbit", azimuth_deg: 5 },
   ArrowRight: { intent: "orbit", azimuth_deg: -5 },
@@ -26,7 +26,7 @@ const KEYS = {
   "Ctrl+z": { intent: "undo" },
   l: { intent: "next_label" },
 };
-/** Of the standard gamepad, by number: A, B, X, Y, shoulders, triggers, select, start, sticks, cross up, down, left, right. */
+/** Buttons of the standard gamepad: A, B, X, Y, shoulders, triggers, select, start, sticks, cross. */
 const BUTTONS = [
   { intent: "place", phase: "commit" }, { intent: "undo" }, null, { intent: "next_label" },
   null, null, null, null, null, { intent: "reset" }, null, null,
@@ -36,7 +36,7 @@ const SHOULDERS = [4, 5];
 const TRIGGERS = [6, 7];
 const DEAD_ZONE = 0.15;
 
-/** Sums of what is still to be sent. */
+/** Accumulated movements to send. */
 class Sum {
   #orbit = [0, 0];
   #roll = 0;
@@ -53,7 +53,7 @@ class Sum {
     this.#later();
   }
 
-  /** Freely, about the viewing axis; positive is counter-clockwise. */
+  /** Rotation about the viewing axis; positive is counter-clockwise. */
   roll(degrees) {
     this.#roll += degrees;
     this.#later();
@@ -86,8 +86,8 @@ class Sum {
 }
 
 /**
- * Listens on an element and the window. `send` takes an intent, `placeOf` gives the picture's pixel under a client position,
- * or null, and `keys` has what other keys do.
+ * Listens on an element and the window. `send` takes an intent, `placeOf` returns the picture's pixel at a client position
+ * or null, and `keys` has the actions of other keys.
  */
 export function onControls(element, { send, placeOf, keys }) {
   const sum = new Sum(send);
@@ -118,7 +118,7 @@ export function onControls(element, { send, placeOf, keys }) {
   onGamepads(sum, send);
 }
 
-/** One pointer turns, with Alt freely, with Shift or the right button it shifts; two fingers shift and zoom; a click is a click. */
+/** One pointer rotates, with Alt freely; with Shift or the right button it translates. Two fingers translate and zoom. */
 function onPointers(element, sum, click) {
   const pointers = new Map();
   let travelled = 0;
@@ -159,7 +159,7 @@ function onPointers(element, sum, click) {
   element.addEventListener("pointercancel", release);
 }
 
-/** The left stick turns, the right one shifts, shoulders roll, triggers zoom. Asked once a picture while there is a gamepad. */
+/** The left stick rotates, the right one translates, shoulders roll, triggers zoom. Polled once for each frame. */
 function onGamepads(sum, send) {
   let held = [];
   let last = 0;

@@ -1,9 +1,8 @@
-// Live frames: what docs/LIVE.md says of their bytes, and the frame of the display composed from
-// them.
+// Decodes live frames (see docs/LIVE.md) and composes the frame of the display.
 //
 // Colour travels as JPEG or as differences in a zlib stream, disparity D as differences (255 is
-// nearest). The display's header is written here, last, so that no bit of it travels through a
-// lossy codec. Pixels are in rows from the top.
+// nearest). The header of the display is written here, after decoding, so that no lossy codec
+// can damage it. Pixels are in rows from the top.
 
 import { LAYOUTS } from "./layouts.js";
 
@@ -11,10 +10,10 @@ const HEADER_BYTES = 128;
 const FLAGS = { lossless: 1, full: 2, still: 4, back: 8 };
 const COLOR = { 1: "jpeg", 3: "rgb-deflate" };
 const DEPTH = { 0: "none", 3: "d8-deflate" };
-/** What this page accepts, as `hello` says it. */
+/** The encodings that this page accepts, for `hello`. */
 export const ACCEPT = { color: ["jpeg", "rgb-deflate"], depth: ["d8-deflate"] };
 
-/** The header of a frame in an ArrayBuffer; throws where it is none. */
+/** Parses the header of a frame in an ArrayBuffer; throws if it is invalid. */
 export function readHeader(buffer) {
   const view = new DataView(buffer);
   const magic = buffer.byteLength >= HEADER_BYTES ? view.getUint32(0, false) : 0;
@@ -45,7 +44,7 @@ export function readHeader(buffer) {
   return header;
 }
 
-/** Colour (RGBA, one byte each) and disparity of a frame, in the size that was sent. */
+/** Colour (RGBA, one byte each) and disparity of a frame, in the transmitted size. */
 export async function unpack(header, buffer) {
   const [width, rows] = [header.size[0], header.size[1] * (header.back ? 2 : 1)];
   const color = new Uint8Array(buffer, HEADER_BYTES, header.colorBytes);
@@ -58,7 +57,7 @@ export async function unpack(header, buffer) {
 }
 
 async function fromJpeg(bytes, width, rows) {
-  // Nothing may be converted: the picture has no profile, and its numbers are the display's.
+  // No colour conversion: the picture has no profile, and its values are those of the display.
   const options = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }), options);
   if (bitmap.width !== width || bitmap.height !== rows) throw new Error("the JPEG has another size than its frame");
@@ -95,7 +94,7 @@ async function inflate(bytes, length) {
   return out;
 }
 
-/** Undoes differences, in place: to the pixel on the left, of the first of a row to the one above. */
+/** Undoes horizontal prediction in place: from the pixel on the left, in the first column from the one above. */
 function summed(values, width, rows, channels) {
   const line = width * channels;
   for (let y = 0; y < rows; y += 1) {
@@ -106,12 +105,12 @@ function summed(values, width, rows, channels) {
   return values;
 }
 
-/** For every pixel of a larger size the place of the nearest one that was sent. */
+/** For every pixel of the full size the index of the nearest transmitted one. */
 function places(from, to) {
   return Uint32Array.from({ length: to }, (_, at) => Math.floor(((2 * at + 1) * from) / (2 * to)));
 }
 
-/** RGBA and disparity of one layer, enlarged to the size that they stand for. */
+/** RGBA and disparity of one layer, enlarged to full size. */
 function enlarged({ rgba, disparity }, [fromWidth, fromHeight], [width, height], layer) {
   const first = layer * fromWidth * fromHeight;
   const pixels = new Uint32Array(rgba.buffer, rgba.byteOffset, rgba.length / 4);
@@ -130,7 +129,7 @@ function enlarged({ rgba, disparity }, [fromWidth, fromHeight], [width, height],
 
 const OPAQUE_BLACK = 0xff000000;
 
-/** The display's frame as ImageData. `picture` is what `unpack` gives. */
+/** The display's frame as ImageData. `picture` is the result of `unpack`. */
 export function compose(header, picture) {
   if (!header.layout) throw new Error("the frame has no layout that this page can compose");
   const layers = (header.back ? [0, 1] : [0]).map((layer) => enlarged(picture, header.size, header.full, layer));
@@ -201,7 +200,7 @@ export function readBytes(line) {
   });
 }
 
-/** Whether these bytes are a header whose two checksums are right. */
+/** Whether these bytes are a header with two valid checksums. */
 export function isHeader(bytes) {
   const right = (from, to) => crc32(bytes.slice(from, to)).every((byte, at) => byte === bytes[to + at]);
   return bytes[0] === 0xf1 && bytes[10] === 0xf2 && right(0, 6) && right(10, 28);

@@ -1,4 +1,4 @@
-// The page of a display box: live frames, pixel for pixel, and whatever moves them.
+// The page of a display box: live frames, pixel for pixel, and the controls of the view.
 //
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
@@ -15,7 +15,7 @@ const parameters = new URLSearchParams(location.search);
 const canvas = $("frame");
 const menu = $("menu");
 const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
-/** How long a refusal is shown. */
+/** How long a refusal is displayed, ms. */
 const REFUSAL_MS = 8000;
 const TRACKING = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
 
@@ -29,7 +29,7 @@ let tested = "";
 const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
-/** For those who drive the page: the view as it is now. A state comes with every frame, and costs nothing while nobody asks. */
+/** For scripts that drive the page: the current view, from the state in every frame. */
 Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
 function helloOf() {
@@ -47,7 +47,7 @@ const session = new Session(helloOf(), {
     shown = header;
     arrivals.push(performance.now());
     while (arrivals.length > 30) arrivals.shift();
-    // Words on the frame would be read aloud with each of them.
+    // Screen readers would read text on the frame with each change.
     canvas.setAttribute("aria-label", "The volume in colour and depth");
     Object.assign(document.documentElement.dataset, { frame: header.sequence, shows: header.showsSeq, still: header.still });
     // Reading the canvas back costs as much as drawing it. After a good result, once a second is
@@ -76,9 +76,9 @@ const wiimote = new Wiimote({
   },
 });
 
-// ---------------------------------------------------------------- words
+// ---------------------------------------------------------------- messages
 
-/** Says what was refused, for a while. */
+/** Displays a refusal for a few seconds. */
 function refused(reason) {
   connection.reason = reason;
   setTimeout(() => {
@@ -92,7 +92,7 @@ function words() {
   return [network, remote, TRACKING[tracking]].filter(Boolean).join(" · ");
 }
 
-/** A picture's rate from the last thirty that came. */
+/** The frame rate over the last thirty frames. */
 function rate() {
   const recent = arrivals.filter((at) => performance.now() - at < 3000);
   return recent.length > 2 ? ((recent.length - 1) * 1000) / (recent.at(-1) - recent[0]) : 0;
@@ -108,7 +108,7 @@ function describe() {
 
 const kindOf = ({ layout, full }) => `${layout} ${full.join(" ")}`;
 
-/** Whether what is drawn reaches the panel as it is; on the root element, for those who test. */
+/** Whether the pixels reach the panel unchanged; on the root element, for tests. */
 function selfTest() {
   if (!shown) return;
   tested = kindOf(shown);
@@ -136,7 +136,7 @@ function fillFacts() {
   $("facts").replaceChildren(...entries.flatMap(row));
 }
 
-// ---------------------------------------------------------------- hands
+// ---------------------------------------------------------------- input
 
 function toggleMenu() {
   if (menu.open) menu.close();

@@ -6,17 +6,17 @@ import { Panel } from "./panel.js";
 
 const $ = (id) => document.getElementById(id);
 const SIZES = { wowvx: [960, 540], "wowvx-full-height": [960, 1080], "wowvx-4k": [1920, 2160] };
-/** Computer graphics, with factor and offset of the header in place of the display's own. */
+/** Content type computer graphics; the header replaces the display's own factor and offset. */
 const [CGI, USE_BOTH] = [4, 0xc0];
 const NEAR = 255;
 
 const panel = new Panel($("frame"), report);
 
 const gray = (value) => 0xff000000 | (Math.max(0, Math.min(255, Math.round(value))) * 0x010101);
-/** Yellow where near, blue where far, as 32 bits of RGBA. */
+/** Yellow is near, blue is far, as 32-bit RGBA. */
 const hue = (d) => 0xff000000 | ((255 - d) << 16) | (Math.round(0.8 * d) << 8) | d;
 
-/** Colour and D at a place of the picture, for each picture. */
+/** Colour and D at a position, for each test picture. */
 const PICTURES = {
   ramps(x, y, [width, height]) {
     const d = Math.round(NEAR * (1 - x / (width - 1)));

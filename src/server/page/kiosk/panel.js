@@ -1,7 +1,7 @@
-// A canvas that is the panel's pixels: one of the frame on one of the screen, and what stands in
-// the way of that.
+// A canvas whose pixels are the panel's: one pixel of the frame on one of the screen; and the
+// detection of anything that prevents it.
 //
-// No step on the way may convert colours. The canvas is sRGB, like all untagged content, so its
+// No step may convert colours. The canvas is sRGB, like all untagged content, so its
 // numbers reach the panel unchanged if the browser treats the screen as sRGB. A page cannot read
 // the screen, but it can detect another colour space.
 
@@ -11,7 +11,7 @@ export class Panel {
   #context;
   #device = [0, 0];
 
-  /** `changed` is called when the screen is another one, or scaled in another way. */
+  /** Calls `changed` when the screen or its scaling changes. */
   constructor(canvas, changed) {
     this.canvas = canvas;
     this.#context = canvas.getContext("2d", { alpha: false, colorSpace: "srgb", willReadFrequently: true });
@@ -30,7 +30,7 @@ export class Panel {
     for (const query of ["(color-gamut: p3)", "(dynamic-range: high)"]) matchMedia(query).addEventListener("change", changed);
   }
 
-  /** Shows a frame, each pixel on one of the screen. */
+  /** Displays a frame, each of its pixels on one of the screen. */
   show(image) {
     const { canvas } = this;
     if (canvas.width !== image.width || canvas.height !== image.height) {
@@ -49,7 +49,7 @@ export class Panel {
     return at[0] >= 0 && at[1] >= 0 && at[0] < this.canvas.width && at[1] < this.canvas.height ? at : null;
   }
 
-  /** What stands between the frame and the panel; empty when nothing does. `wantsHeader` where the layout has one. */
+  /** The reasons why the frame does not reach the panel unchanged; empty if it does. `wantsHeader`: the layout has a header. */
   problems(wantsHeader) {
     const { width, height } = this.canvas;
     const found = [];

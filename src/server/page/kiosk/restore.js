@@ -1,5 +1,4 @@
-// A view brought back to where it was, by intents: for a server that was started anew. Quaternions
-// x, y, z, w.
+// Restores a view with intents after the server restarted. Quaternions are x, y, z, w.
 
 const product = ([ax, ay, az, aw], [bx, by, bz, bw]) => [
   aw * bx + ax * bw + ay * bz - az * by,
@@ -10,12 +9,12 @@ const product = ([ax, ay, az, aw], [bx, by, bz, bw]) => [
 const inverse = ([x, y, z, w]) => [-x, -y, -z, w];
 const turned = (by, [x, y, z]) => product(product(by, [x, y, z, 0]), inverse(by)).slice(0, 3);
 
-/** `patient_from_view` of a look from the front: a quarter turn about x. */
+/** `patient_from_view` of the front view: a quarter turn about x. */
 const FRONT = [Math.SQRT1_2, 0, 0, Math.SQRT1_2];
 
 /**
- * What brings a new view, whose focal point is `lookAt`, to the state `wanted`. A look from the front is a known orientation; from
- * there a hand turns what is seen, and moves the focal point to where the new one lies in view.
+ * The intents that bring a new view, whose focal point is `lookAt`, to the state `wanted`: the front view first, which is a
+ * known orientation, then a rotation and a translation from there.
  */
 export function intentsTo(wanted, lookAt) {
   const viewFromPatient = inverse(wanted.orientation_xyzw);

@@ -1,7 +1,7 @@
-// A live session: one WebSocket, its messages, and the way back when it breaks.
+// A live session: one WebSocket, its messages, and reconnection.
 //
-// Times are nanoseconds of this page's clock. The newest frame is shown; one that is superseded
-// while it is unpacked is acknowledged with its successor.
+// Times are nanoseconds of this page's clock. The newest frame is displayed; a frame
+// superseded during decoding is acknowledged with its successor.
 
 import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
 import { withTicket } from "./identity.js";
@@ -10,12 +10,12 @@ import { intentsTo } from "./restore.js";
 const FIRST_WAIT_MS = 100;
 const LONGEST_WAIT_MS = 2000;
 const TOKEN = "relief-session";
-/** Frames in a row that cannot be unpacked before the connection is given up. */
+/** Number of consecutive invalid frames after which the connection is closed. */
 const MOST_BAD = 20;
-/** Close codes after which connecting again would end the same way. */
+/** Close codes after which reconnecting would fail again. */
 const FINAL = { 1008: "the server refuses this session", 4001: "this session goes on in another window", 4002: "the volume was removed" };
 
-/** Why a refusal is none for good: a server that was just started loads its series, and one of them may be what is waited for. */
+/** Refusals that are temporary: a server that has just started is still loading its series. */
 function whyNotYet({ type, problem }) {
   if (type !== "error") return "";
   if (problem?.status === 503) return "the server is not ready yet";
@@ -33,17 +33,16 @@ export class Session {
   #unpacking = false;
   #ended = false;
   #bad = 0;
-  /** Why the server cannot do this yet, where it has said so. */
+  /** The reason of a temporary refusal. */
   #notYet = "";
 
   /**
-   * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` every message of the server,
-   * `changed` the state of the connection: connecting, live, waiting or ended, with a reason.
+   * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` gets every message of the server,
+   * `changed` gets the state of the connection (connecting, live, waiting or ended) and a reason.
    */
   constructor(hello, { show, heard, changed }) {
     Object.assign(this, { hello, show, heard, changed });
-    // Only a page that goes leaves its token: a copy of this tab gets a session of its own, and
-    // does not take this one's.
+    // The token is stored only while the page unloads: a duplicated tab gets a session of its own.
     this.token = sessionStorage.getItem(TOKEN);
     sessionStorage.removeItem(TOKEN);
     addEventListener("pagehide", () => this.token && sessionStorage.setItem(TOKEN, this.token));
@@ -51,17 +50,17 @@ export class Session {
     this.#connect();
   }
 
-  /** Sends an intent; while there is no connection it is lost, as what it was about is not seen. */
+  /** Sends an intent; without a connection it is discarded, because the user sees no view. */
   intent(intent) {
     this.#send({ type: "intent", seq: (this.#seq += 1), t_ns: nowNs(), ...intent });
   }
 
-  /** Sends what a Wiimote said, in hexadecimal digits. */
+  /** Sends a report of a Wiimote, in hexadecimal digits. */
   report(report) {
     this.#send({ type: "report", seq: (this.#seq += 1), t_ns: nowNs(), report });
   }
 
-  /** Changes what is shown; new sessions begin with it as well. */
+  /** Changes the options of the view; new sessions start with them. */
   settings(settings) {
     this.hello.settings = { ...this.hello.settings, ...settings };
     this.#send({ type: "settings", ...settings });
@@ -91,7 +90,7 @@ export class Session {
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     socket.addEventListener("open", () => {
-      // A server that does not know the token any more takes the rest.
+      // A server that no longer knows the token uses the other fields.
       const resume = this.token ? { resume: this.token } : {};
       this.#send({ type: "hello", client: "relief kiosk", accept: ACCEPT, ...this.hello, ...resume });
     });
@@ -99,13 +98,13 @@ export class Session {
     socket.addEventListener("close", ({ code, reason }) => this.#closed(code, reason));
   }
 
-  /** A message that is none is told; the next one may be good. */
+  /** Reports an invalid message; the next one may be valid. */
   #read(text) {
     let message = null;
     try {
       message = JSON.parse(text);
     } catch {
-      // Told below.
+      // Reported below.
     }
     if (typeof message?.type !== "string") return this.changed("live", "the server said something that is no message");
     this.#hear(message);
@@ -124,7 +123,7 @@ export class Session {
     this.heard(message);
   }
 
-  /** The view is a new one: the server was started anew, or has let go of what nobody looked at. */
+  /** The view is new: the server restarted, or dropped an idle view. */
   #restore({ look_at_mm: lookAt }) {
     if (this.#view.preset) this.intent({ intent: "preset", name: this.#view.preset });
     intentsTo(this.#view, lookAt).forEach((intent) => this.intent(intent));
@@ -141,7 +140,7 @@ export class Session {
     this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
   }
 
-  /** Unpacks one frame at a time, the newest. */
+  /** Decodes one frame at a time, the newest. */
   async #take(buffer) {
     this.#newest = { buffer, socket: this.#socket };
     if (this.#unpacking) return;
@@ -154,7 +153,7 @@ export class Session {
     this.#unpacking = false;
   }
 
-  /** Shows a frame and acknowledges it, or says what is wrong with it: the next one may be good. */
+  /** Displays and acknowledges a frame, or reports why it is invalid; the next one may be valid. */
   async #showOne(bytes, socket) {
     let header = null;
     let wrong = null;

@@ -1,8 +1,8 @@
-// A Wiimote through WebHID: sets up its camera step by step, and passes on its reports unchanged.
+// A Wiimote over WebHID: initialises its camera step by step, and forwards its reports unchanged.
 //
-// Each step waits for its answer, for a camera that is hurried ends up at a random sensitivity.
-// Later an unrequested status means that reporting stopped, a foreign report id that a driver set
-// its own mode, and silence that it begins anew.
+// Each step waits for its acknowledgement; a camera that is initialised too fast has a random sensitivity.
+// Initialisation is repeated after an unrequested status report (reporting stopped), a report with
+// another id (a driver set its own mode), or silence.
 
 const FILTERS = [{ vendorId: 0x057e, productId: 0x0306 }, { vendorId: 0x057e, productId: 0x0330 }];
 /** Buttons, acceleration and the camera's blobs with their sizes. */
@@ -16,7 +16,7 @@ const register = (address, bytes) => ({
     ...bytes, ...new Array(16 - bytes.length).fill(0)],
 });
 const SET_MODE = { id: 0x12, bytes: [0x06, MODE] };
-/** The order and the sensitivity are those of Linux' driver. */
+/** Order and sensitivity as in the Linux driver. */
 const STEPS = [
   { id: 0x13, bytes: [0x06] },
   { id: 0x1a, bytes: [0x06] },
@@ -37,7 +37,7 @@ export class Wiimote {
   #sent = 0;
   #heard = 0;
 
-  /** `report` gets hexadecimal digits from the report's id on, `changed` words for people. */
+  /** `report` gets hexadecimal digits beginning with the report id, `changed` gets status messages. */
   constructor({ report, changed }) {
     Object.assign(this, { report, changed });
     navigator.hid?.addEventListener("disconnect", ({ device }) => {
@@ -57,7 +57,7 @@ export class Wiimote {
     if (device) await this.#open(device);
   }
 
-  /** Opens one that was chosen before. */
+  /** Opens a Wiimote that the user allowed before. */
   async reopen() {
     const known = (await navigator.hid?.getDevices()) ?? [];
     const found = known.find((device) => FILTERS.some((f) => f.vendorId === device.vendorId && f.productId === device.productId));
@@ -88,7 +88,7 @@ export class Wiimote {
   }
 
   #write({ id, bytes }) {
-    this.#device?.sendReport(id, new Uint8Array(bytes)).catch((error) => this.#close(`The Wiimote cannot be told: ${error.message}`));
+    this.#device?.sendReport(id, new Uint8Array(bytes)).catch((error) => this.#close(`Cannot write to the Wiimote: ${error.message}`));
   }
 
   #sendStep() {
