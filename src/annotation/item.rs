@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_path() {
+    fn invalid_fields_are_named_with_their_path() {
         let wrong = |change: &dyn Fn(&mut Item), says: &str| {
             let mut item = point(1.0);
             change(&mut item);

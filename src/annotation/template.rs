@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_path() {
+    fn invalid_fields_are_named_with_their_path() {
         let refused = |from: &str, to: &str| {
             assert!(SKULL.contains(from), "{from}");
             Template::read(SKULL.replacen(from, to, 1).as_bytes()).unwrap_err().to_string()

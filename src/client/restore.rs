@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_restore_nothing() {
+    fn invalid_numbers_restore_nothing() {
         let home = Home { orbit: Home::ORBIT, preset: None };
         let stage = Stage::new(Point::new(0.0, 0.0, 0.0), 200.0, [960, 540], Vec::new(), home).unwrap();
         let record = ViewState::home(&stage).record();

@@ -320,7 +320,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_told_by_name_and_beginning() {
+    fn formats_are_recognised_by_name_and_first_bytes() {
         let of = |name: &str, head: &[u8]| Format::of(Path::new(name), head);
         assert_eq!(of("a/F_1.fcsv", b"# Markups"), Some(Format::Fcsv));
         assert_eq!(of("a.MRK.json", b"{"), Some(Format::MrkJson));

@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_written_is_empty() {
+    fn unwritten_parts_of_a_region_are_empty() {
         let region = Region { first: [1, 1], size: [2, 1] };
         let written: Vec<u8> = (1..=24).collect();
         let whole = region.spread(&written, [4, 3], 0, |value| value + 100);

@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_fit_is_refused_with_what_it_needs_what_there_is_and_what_would_fit() {
+    fn a_volume_too_large_is_refused_with_needed_free_and_fitting_sizes() {
         let message = LIMITS.plan([2048, 2048, 2000]).unwrap_err().to_string();
         // 2 bytes a voxel, 256 x 256 x 250 bricks, 4096 entries of 16 bytes.
         let needed = 2048u64 * 2048 * 2000 * 2 + 256 * 256 * 250 + 65_536;

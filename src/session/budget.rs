@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_book_remembers_so_many_and_forgets_the_longest_ago() {
+    fn a_book_is_bounded_and_drops_the_oldest_entries() {
         let request = request("{}");
         let mut book = SpeedBook::default();
         for i in 0..MOST_SPEEDS + 10 {

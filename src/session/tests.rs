@@ -225,7 +225,7 @@ fn a_full_queue_refuses_at_once_and_recovers() {
 }
 
 #[test]
-fn an_order_that_nobody_waits_for_is_skipped() {
+fn an_abandoned_order_is_skipped() {
     let bench = Bench::new(4);
     let first = bench.order(1.0).unwrap();
     bench.started.recv().unwrap();

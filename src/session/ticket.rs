@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_knows_whether_anybody_waits() {
+    fn a_promise_knows_whether_its_caller_waits() {
         let (ticket, promise) = pair();
         assert!(promise.is_wanted());
         drop(ticket);

@@ -324,7 +324,7 @@ mod tests {
     use crate::{Grid, PRESETS, Phantom, PhantomKind, PhantomRecipe};
 
     #[test]
-    fn the_head_is_one_without_contrast_medium_and_spheres_are_none() {
+    fn the_head_phantom_is_a_head_and_spheres_are_no_anatomy() {
         let anatomy = Anatomy::of(&Phantom::head(96).unwrap().volume);
         assert_eq!((anatomy.part, anatomy.has_contrast), (BodyPart::Head, false));
         assert_eq!((anatomy.preset().name, anatomy.window_hu()), ("bone", [40.0, 80.0]));
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn trunks_and_limbs_are_told_apart_with_and_without_contrast_medium() {
+    fn trunks_and_limbs_are_distinguished_with_and_without_contrast_medium() {
         for (lung, vessel, width_mm, part, contrast, name) in [
             (Some(-800), 50, 360.0, BodyPart::Chest, false, "skin-and-bone"),
             (Some(-800), 280, 360.0, BodyPart::Chest, true, "heart"),

@@ -227,7 +227,7 @@ fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
 }
 
 #[test]
-fn what_needs_annotations_says_so() {
+fn outputs_that_need_annotations_are_refused_without_them() {
     let archive = ball();
     let plan = |more: &[&str]| {
         let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));

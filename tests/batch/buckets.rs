@@ -72,7 +72,7 @@ fn workers_of_a_queue_fill_a_bucket() {
 }
 
 #[test]
-fn buckets_that_cannot_be_used_are_told_before_anything_is_rendered() {
+fn unusable_buckets_are_reported_before_rendering() {
     let what = "buckets that are not there";
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(1);
@@ -255,7 +255,7 @@ fn failed(output: &Output) -> String {
 /// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
 /// manifests.
 #[test]
-fn buckets_without_series_are_told_without_secrets() {
+fn buckets_without_series_are_reported_without_secrets() {
     let what = "buckets without series";
     let Some(bucket) = Bucket::start(what) else { return };
     let archive = Archive::of_phantoms(1);

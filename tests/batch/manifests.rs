@@ -47,7 +47,7 @@ fn a_folder_with_series_and_manifest_can_be_moved_and_run_from_anywhere() {
 }
 
 #[test]
-fn manifests_that_are_none_are_refused_with_line_and_reason() {
+fn invalid_manifests_are_refused_with_line_and_reason() {
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "sides"]));
     let text = std::fs::read_to_string(archive.path("jobs.jsonl")).unwrap();

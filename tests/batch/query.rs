@@ -36,7 +36,7 @@ fn conditions_mean_what_they_say() {
 }
 
 #[test]
-fn what_is_no_condition_is_refused_with_what_is() {
+fn invalid_conditions_are_refused_with_the_valid_ones() {
     for text in [
         "",
         "slices",

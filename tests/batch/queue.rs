@@ -164,7 +164,7 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
 
 /// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
 #[test]
-fn what_may_pass_is_tried_again_and_given_up_at_last() {
+fn temporary_failures_are_retried_a_limited_number_of_times() {
     let what = "jobs of queues that are tried again";
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(2);
@@ -267,7 +267,7 @@ fn a_server_that_is_killed_and_started_anew_is_found_again() {
 
 #[cfg(unix)]
 #[test]
-fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
+fn a_stopped_worker_finishes_its_job_and_returns_the_rest() {
     let what = "workers that are signalled to stop";
     let Some(nats) = Nats::start(what, &[]) else { return };
     let archive = Archive::of_phantoms(1);
@@ -291,7 +291,7 @@ fn a_worker_that_is_told_to_stop_finishes_and_gives_the_rest_back() {
 /// Invariant: No secret of a queue is shown, and Relief accepts the command lines of the Kubernetes
 /// manifests.
 #[test]
-fn queues_that_cannot_be_used_are_told_without_their_secrets() {
+fn unusable_queues_are_reported_without_secrets() {
     let Some(nats) = Nats::start("access to queues", &["--auth", "s3cret-token"]) else { return };
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "planes"]));

@@ -170,7 +170,7 @@ fn markups_go_out_and_come_back_and_bad_ones_change_nothing() {
 }
 
 #[test]
-fn a_region_is_grown_with_its_volume_before_and_after_and_a_leak_is_told() {
+fn growing_reports_its_volume_in_advance_and_detects_leaks() {
     let Some(seen) = seen("growing on the page") else { return };
     let growing = &seen["growing"];
     let region = &growing["region"]["item"]["geometry"];

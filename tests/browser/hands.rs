@@ -196,7 +196,7 @@ fn seen_items(seen: &Value) -> Value {
 }
 
 #[test]
-fn work_that_hangs_is_told_and_broken_off() {
+fn hanging_tasks_are_displayed_and_cancelled() {
     let Some(seen) = seen("long work on the page") else { return };
     let jobs = &seen["jobs"];
     let said = jobs["said"].as_str().unwrap();

@@ -98,7 +98,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 /// Invariant: The kiosk shows exactly the served frame, and warns about a browser that converts
 /// colours.
 #[test]
-fn the_screen_has_the_very_frame_that_is_served_and_another_profile_is_told() {
+fn the_screen_shows_the_served_frame_and_detects_another_profile() {
     let Some(seen) = seen("frames on a screen") else { return };
     let exact = &seen["exact"];
     assert_eq!(exact["srgb"]["different"], 0, "{exact}");
@@ -144,7 +144,7 @@ fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
 }
 
 #[test]
-fn a_kiosk_of_a_volume_that_is_not_there_yet_says_so_and_shows_it_when_it_comes() {
+fn a_kiosk_waits_for_its_volume_with_a_message() {
     let Some(seen) = seen("a kiosk that comes early") else { return };
     let early = &seen["early"];
     assert_eq!(early["connection"], "waiting", "{early}");

@@ -22,7 +22,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn what_is_chosen_is_kept_in_the_address() {
+fn choices_are_kept_in_the_address() {
     let Some(seen) = seen("the address of the page") else { return };
     let address = &seen["address"];
     assert_eq!(address["problems"], json!([]));

@@ -60,7 +60,7 @@ fn seeded(db: &Path) {
 }
 
 #[test]
-fn what_there_is_and_what_happened_is_told() {
+fn list_and_log_print_items_and_changes() {
     let folder = tempfile::tempdir().unwrap();
     let db = folder.path().join("ann.db");
     seeded(&db);

@@ -12,7 +12,7 @@ fn relief(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_tiny_budget_gives_fewer_rays_in_the_size_that_was_asked_for_and_a_large_one_the_same_bytes() {
+fn a_tiny_budget_casts_fewer_rays_at_the_requested_size_and_a_large_one_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let series = path("head");

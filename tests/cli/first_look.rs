@@ -142,7 +142,7 @@ fn a_picture_without_content_says_why() {
 /// Invariant: A layout takes the size of the scene where it takes any, and says so where it needs
 /// another.
 #[test]
-fn the_size_of_a_scene_is_kept_or_its_loss_is_said() {
+fn the_size_of_a_scene_is_kept_or_a_warning_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let [series, out, scene] =
         ["head", "out.png", "s.json"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());

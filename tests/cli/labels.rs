@@ -63,7 +63,7 @@ fn organs_of_the_head_are_kept_and_cut_by_name_and_number() {
 }
 
 #[test]
-fn label_maps_that_are_none_and_of_other_places_are_refused() {
+fn invalid_label_maps_and_those_of_other_grids_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let [series, labels] = head(folder.path());
     let refused = |labels: &str, more: &[&str]| {

@@ -60,7 +60,7 @@ fn a_machine_without_a_driver_renders_and_measures() {
 }
 
 #[test]
-fn what_the_processor_leaves_out_is_said() {
+fn the_processor_names_modes_that_it_does_not_render() {
     let folder = tempfile::tempdir().unwrap();
     let series = head(folder.path());
     let out = folder.path().join("paths.png").to_str().unwrap().to_owned();

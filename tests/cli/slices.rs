@@ -70,7 +70,7 @@ fn a_slice_by_options_is_that_of_its_scene() {
 }
 
 #[test]
-fn what_does_not_belong_to_a_slice_is_refused_at_once() {
+fn options_without_meaning_for_slices_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.png").to_str().unwrap().to_owned();
     let camera = folder.path().join("camera.json");

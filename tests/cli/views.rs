@@ -177,7 +177,7 @@ fn a_frame_file_is_previewed_with_its_headers_factor_and_its_background() {
 }
 
 #[test]
-fn what_cannot_be_previewed_is_refused_with_the_reason() {
+fn layouts_without_a_preview_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (out, plain) = (path("out.png"), path("plain.png"));

@@ -14,7 +14,7 @@ fn client(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn wrong_arguments_are_told_with_what_is_allowed() {
+fn invalid_arguments_are_refused_with_the_allowed_values() {
     let server = ["--server", "http://127.0.0.1:1", "--headless"];
     for (more, status, expected) in [
         (&["--look", "1"][..], 2, "AZIMUTH,ELEVATION"),
@@ -58,7 +58,7 @@ fn a_file_that_is_no_session_is_named_with_its_line() {
 }
 
 #[test]
-fn attempts_to_reach_a_server_are_told_once() {
+fn failed_connections_are_logged_once() {
     let mut waiting = relief(&["client", "--server", "http://127.0.0.1:1", "--headless"]).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_secs(3)); // half a dozen attempts
     waiting.kill().unwrap();
@@ -70,7 +70,7 @@ fn attempts_to_reach_a_server_are_told_once() {
 
 #[cfg(all(feature = "window", target_os = "linux"))]
 #[test]
-fn a_missing_display_is_told_without_a_path_of_source_code() {
+fn a_missing_display_gives_an_error_without_source_paths() {
     let mut command = relief(&["client", "--server", "http://127.0.0.1:1"]);
     let output = command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output().unwrap();
     let errors = text(&output.stderr);

@@ -22,7 +22,7 @@ fn lost(event: &Event) -> Option<String> {
 }
 
 #[tokio::test]
-async fn nobody_there_is_told_with_the_address() {
+async fn an_unreachable_server_is_reported_with_its_address() {
     let (listener, address) = listen(None).await;
     drop(listener);
     let error = Running::start(options(address)).ended().await.unwrap_err();
@@ -43,7 +43,7 @@ async fn answered(answer: &'static [u8]) -> ClientError {
 }
 
 #[tokio::test]
-async fn what_is_no_relief_server_is_told_apart_from_a_refusal() {
+async fn foreign_servers_and_refusals_have_different_messages() {
     for answer in [
         &b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nhi"[..],
         b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n",
@@ -117,7 +117,7 @@ async fn more_bytes_than_any_frame_has_are_not_taken() {
 /// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
 /// lost session resumes by its token or its view.
 #[tokio::test]
-async fn unreadable_messages_are_told_and_at_some_point_too_many() {
+async fn unreadable_messages_are_reported_until_a_limit() {
     let (listener, address) = listen(None).await;
     let mut client = Running::start(options(address));
     let (mut socket, _) = accept(&listener).await;
@@ -137,7 +137,7 @@ async fn unreadable_messages_are_told_and_at_some_point_too_many() {
 }
 
 #[tokio::test]
-async fn a_welcome_that_never_comes_or_is_none_ends_with_an_error() {
+async fn a_missing_or_invalid_welcome_ends_with_an_error() {
     for (message, expected) in [
         (Message::text("{\"type\":\"welcome\"}"), "does not answer as a Relief server"),
         (Message::binary(frame(&header(1))), "a frame before welcome"),

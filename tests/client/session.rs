@@ -214,7 +214,7 @@ async fn a_named_volume_is_waited_for() {
 
 /// A server that answers no ping is silent; it is heard when it answers.
 #[tokio::test]
-async fn silence_is_told_and_its_end() {
+async fn silence_and_its_end_are_reported() {
     let (listener, address) = listen(None).await;
     let mut client = Running::start(options(address));
     let (mut socket, _) = accept(&listener).await;

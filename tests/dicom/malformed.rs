@@ -303,7 +303,7 @@ fn a_duplicated_position_is_left_out_and_named() {
 }
 
 #[test]
-fn phases_at_the_same_positions_are_told_apart_by_acquisition() {
+fn phases_at_equal_positions_are_separated_by_acquisition() {
     for template in templates("phases of one series") {
         let folder = stack(&template, &[0.0, 1.0, 2.0]);
         for k in 0..3 {

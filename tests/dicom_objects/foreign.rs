@@ -107,7 +107,7 @@ fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
 }
 
 #[test]
-fn a_report_without_coordinates_says_so() {
+fn a_report_without_coordinates_is_refused_with_the_reason() {
     let Some(interop) = unpacked("a report of dcmqi", "interop") else { return };
     let bytes = std::fs::read(interop.join("dicom/dcmqi/sr_tid1500.dcm")).unwrap();
     let found = relief_dicom::read_report(&bytes, &ReportReadOptions { author: "x", series: None }).unwrap();

@@ -28,7 +28,7 @@ pub(crate) fn off(a: &Geometry, b: &Geometry) -> f64 {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_reports_are_read_again() {
     let made = made::series();
     let items = made::items(&made.frame_of_reference);
     let written = written(&items, &made);
@@ -81,7 +81,7 @@ fn the_same_is_written_as_the_same_and_anything_else_as_another_object() {
 }
 
 #[test]
-fn what_a_report_cannot_hold_is_told() {
+fn items_that_a_report_cannot_hold_are_listed() {
     let made = made::series();
     let plane = Geometry::Plane {
         center_mm: at(0.0, 0.0, 0.0),
@@ -110,7 +110,7 @@ fn what_a_report_cannot_hold_is_told() {
 }
 
 #[test]
-fn a_curve_beyond_sixteen_bits_of_length_is_written_all_the_same() {
+fn a_curve_longer_than_sixteen_bits_is_written() {
     let made = made::series();
     let points_mm = (0..9_000).map(|i| at(f64::from(i) * 0.25, f64::from(i % 7), -200.0)).collect();
     let long = item(1, "long", Geometry::Curve { points_mm, closed: false, smooth: false });

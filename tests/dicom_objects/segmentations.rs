@@ -168,7 +168,7 @@ fn dciodvfy_finds_no_fault_in_segmentations() {
 }
 
 #[test]
-fn what_cannot_be_frames_is_refused() {
+fn invalid_frames_are_refused() {
     let made = made::series();
     let refused = |map: &LabelMap| write_segmentation(map, &made.reference, &options()).unwrap_err();
     let empty = LabelMap::new(oblique_grid([2, 2, 2]), &[0; 8], Vec::new()).unwrap();

@@ -125,7 +125,7 @@ fn the_inspection_tells_the_two_apart() {
 }
 
 #[test]
-fn what_has_no_background_is_refused_and_other_layouts_leave_it_out() {
+fn declipse_needs_a_background_layer_and_other_layouts_omit_it() {
     let (color, depth) = layer(0);
     let picture = Picture::new(SIZE, &color, &depth).unwrap();
     for layout in BOTH {

@@ -219,7 +219,7 @@ fn the_same_picture_gives_the_same_file() {
 }
 
 #[test]
-fn what_an_exr_cannot_hold_is_refused() {
+fn exr_refuses_layouts_that_it_cannot_hold() {
     let encode = |size_px, attributes: &BTreeMap<String, Attribute>| {
         let depth_mm = &[1.0, 2.0];
         encode_exr(&DepthImage { size_px, depth_mm, color: None, limits: LIMITS, camera: None, attributes })

@@ -199,7 +199,7 @@ fn a_frame_that_no_display_takes_is_named() {
 }
 
 #[test]
-fn a_scaled_frame_is_told_from_a_side_by_side_picture() {
+fn a_scaled_frame_differs_from_a_side_by_side_picture() {
     let frame = samples(&disc_of(Layout::WowvxFullHeight));
     let scaled = (0..720).flat_map(|y| (0..1280).map(move |x| (x * 3 / 2, y * 3 / 2)));
     let scaled = scaled.flat_map(|(x, y)| frame[3 * (y * 1920 + x)..][..3].to_vec()).collect();

@@ -148,7 +148,7 @@ fn the_encoder_sets_the_45_pixels_of_the_public_header() {
 
 /// Behind a header of ten bytes the picture's own bits must not read as an extended part.
 #[test]
-fn a_picture_that_looks_like_an_extended_part_is_told_from_one() {
+fn a_picture_is_not_mistaken_for_an_extended_part() {
     let short = Header { extended: None, ..Header::default() };
     for bytes in [Header::default().to_bytes(), [&Header::default().to_bytes()[..20], &[9; 12]].concat()] {
         let mut color = vec![[1, 2, 3, 255]; 960 * 540];

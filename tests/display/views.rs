@@ -189,7 +189,7 @@ fn a_mixed_pixel_beside_an_edge_is_not_smeared_into_the_hole() {
 /// Brute force, with nothing in common with the code but the formula: 64 points in each pixel, each
 /// asking every pixel of the picture whether it lies there and which is nearest.
 #[test]
-fn what_is_nearest_is_seen_wherever_anything_is() {
+fn views_show_the_nearest_surface_at_every_covered_pixel() {
     let scene = line(|x| {
         let near = (x / 37) % 3 == 1;
         (bytes(texture(3.0 * x as f64)), if near { 180 + (x / 100) as u8 } else { 60 + (x / 16) as u8 })

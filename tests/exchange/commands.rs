@@ -150,7 +150,7 @@ fn every_format_comes_back_through_the_log() {
 }
 
 #[test]
-fn what_was_edited_elsewhere_changes_what_it_was() {
+fn items_edited_elsewhere_update_their_originals() {
     let bench = Bench::new();
     let markups = bench.file("skull.mrk.json", write(Format::MrkJson, &everything()).unwrap().bytes);
     bench.json(&["import", &markups]);

@@ -109,7 +109,7 @@ fn relief_s_own_properties_are_checked_like_any_other() {
 }
 
 #[test]
-fn what_is_unusual_in_markups_is_told() {
+fn unusual_markups_give_warnings() {
     let warned = |text: String| read(Format::MrkJson, text).unwrap().warnings.join("; ");
     let boxes = markup("ROI", r#""center": [1, 2, 3], "size": [4, 5, 6]"#);
     assert_eq!(warned(boxes), "markups[0]: a box (ROI) is left out: Relief has none");

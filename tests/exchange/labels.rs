@@ -123,7 +123,7 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
 }
 
 #[test]
-fn what_is_wrong_with_a_map_is_told() {
+fn invalid_label_maps_are_refused_with_the_reason() {
     let whole = map(0.0, &[1; 24], &["all"]);
     for cut in [0, 10, 100, whole.len() - 12] {
         let message = refused(Format::SegNrrd, &whole[..cut]);

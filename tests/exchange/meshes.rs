@@ -52,7 +52,7 @@ fn meshes_of_every_format_come_back_where_they_lay() {
 }
 
 #[test]
-fn a_mesh_inside_out_is_turned_and_one_elsewhere_is_told() {
+fn inverted_meshes_are_turned_and_distant_ones_give_a_warning() {
     let mut inside_out = tetrahedron();
     inside_out.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
     let file = relief_annotation::write_mesh(MeshFormat::Ply, &inside_out, "horn").unwrap();

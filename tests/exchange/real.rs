@@ -22,7 +22,7 @@ fn a_list_of_slicer_5_is_read() {
 }
 
 #[test]
-fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_is_told() {
+fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_gives_a_warning() {
     let Some(folder) = common::unpacked("landmarks of a skull", "interop") else { return };
     let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
     let known = facts["mouse_45_LM-skull"]["in_low_res_skull_only.nii.gz"].as_array().unwrap();

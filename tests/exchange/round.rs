@@ -123,7 +123,7 @@ fn ids_are_kept_where_a_file_has_them() {
 }
 
 #[test]
-fn what_no_format_of_texts_holds_is_told_and_nothing_else_is_written() {
+fn text_formats_list_items_that_they_cannot_hold() {
     let plane = everything().remove(8);
     for format in TEXTS {
         let refused = write(format, &[]).unwrap_err().to_string();

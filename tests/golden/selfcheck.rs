@@ -154,7 +154,7 @@ fn a_hit_that_becomes_a_miss_and_a_miss_that_becomes_a_hit_fail() {
 }
 
 #[test]
-fn what_is_no_depth_fails_even_where_it_is_expected() {
+fn invalid_depths_fail_even_if_the_golden_has_them() {
     let (_, golden) = goldens(Aspect::Depth).swap_remove(0);
     for nonsense in [f32::NAN, f32::NEG_INFINITY, -1.0] {
         let mut wrong = golden.clone();
@@ -340,7 +340,7 @@ fn no_case_at_all_is_an_error() {
 }
 
 #[test]
-fn what_a_case_has_lost_or_has_too_much_is_an_error() {
+fn missing_and_extra_files_of_a_case_are_errors() {
     let (parent, folder) = copied();
     let golden = folder.join("color.png");
     let expected = |aspect| read_copied(&parent).unwrap().expected(aspect);

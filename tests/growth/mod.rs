@@ -84,7 +84,7 @@ fn a_thousand_frames_take_no_more_memory_than_a_few() {
 
 /// Invariant: Memory does not grow with the number of frames.
 #[test]
-fn relief_bench_tells_growth_and_there_is_none() {
+fn relief_bench_finds_no_growth_of_memory() {
     let folder = tempfile::tempdir().unwrap();
     let relief = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));

@@ -191,7 +191,7 @@ fn a_child_that_allocates_without_end_ends_alone() {
 /// Invariant: Files that are refused in this process are refused in a child with the same reason, and
 /// a cancelled reading ends.
 #[test]
-fn a_child_refuses_with_the_reason_and_ends_when_nobody_waits() {
+fn a_child_refuses_with_the_reason_and_ends_when_the_caller_leaves() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notes.zip");
     std::fs::write(&path, crate::common::hostile::zip_of([("JANE^DOE.txt".to_owned(), vec![b'x'; 4000])]))

@@ -33,7 +33,7 @@ fn cursor_at(session: &mut Session, point: Point<Patient>) {
 /// With hands that turn by Q and move by d, every point x of the volume goes to Q (x - p) + p + d:
 /// that under the hand, p, stays under it.
 #[test]
-fn what_is_grabbed_stays_under_the_hand() {
+fn a_grabbed_point_follows_the_hand() {
     let from = (DVec3::new(400.0, -30.0, 900.0), DQuat::from_euler(EulerRot::XYZ, 0.5, 0.1, -0.2));
     for held in points() {
         let mut session = session();

@@ -177,7 +177,7 @@ fn a_dead_zone_keeps_tremor_out() {
 /// While the hand is lost or ambiguous the view stands still; seen again, anywhere, it takes hold
 /// anew.
 #[test]
-fn what_is_not_tracked_moves_nothing() {
+fn an_untracked_remote_moves_nothing() {
     let mut remote = Remote::new(exact());
     remote.at(0, start(), level());
     remote.hold(10, Buttons::B);

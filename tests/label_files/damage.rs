@@ -99,7 +99,7 @@ fn files_that_claim_more_than_they_hold_cost_what_they_hold() {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_what_is_allowed() {
+fn invalid_fields_are_named_with_the_allowed_values() {
     let with = |at: usize, value: &[u8]| {
         let mut bytes = nifti([3, 2, 1], &[1; 6]);
         bytes[at..at + value.len()].copy_from_slice(value);

@@ -33,7 +33,7 @@ print(json.dumps(out))
 /// Invariant: Label maps of other programs lie where those programs put them; damaged files, and
 /// files that claim too much, end in an error.
 #[test]
-fn whatever_simpleitk_writes_is_read_where_it_lies() {
+fn label_maps_written_by_simpleitk_keep_their_position() {
     let Ok(python) = std::env::var("RELIEF_PEERS_PYTHON") else {
         eprintln!("SKIPPED: files of SimpleITK (RELIEF_PEERS_PYTHON is not set)");
         return;

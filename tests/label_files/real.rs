@@ -111,7 +111,7 @@ fn segmentations_of_3d_slicer_have_their_names_and_overlapping_ones_all_segments
 }
 
 #[test]
-fn a_mouse_is_as_small_as_it_is() {
+fn a_mouse_keeps_its_size() {
     let Some(interop) = unpacked("a mouse's labels", "interop") else { return };
     let map = read(&interop.join("mouse_ct_atlas/low_res_template_UCHAR-label.nii.gz")).unwrap();
     assert_eq!(map.grid().dims(), [130, 206, 114]);

@@ -76,7 +76,7 @@ fn frames_that_end_within_a_byte_are_read_on_from_there() {
 }
 
 #[test]
-fn what_is_no_segmentation_is_refused_with_the_attribute() {
+fn invalid_segmentations_are_refused_with_the_attribute() {
     let Some(data) = shared_data("objects that are no segmentations") else { return };
     let error = load_segmentation(LoadLimits::default(), &data.join("quirks/CT_small.dcm")).unwrap_err();
     assert!(error.to_string().contains("SegmentationType (0062,0001)"), "{error}");

@@ -61,7 +61,7 @@ fn a_volume_over_the_memory_that_is_allowed_is_refused_before_it_is_read() {
 }
 
 #[test]
-fn what_the_adapter_could_take_and_this_machine_cannot_is_refused_as_well() {
+fn a_volume_beyond_the_machines_memory_is_refused() {
     // 128 GiB of slices become 2 GiB on the adapter, but have to be read first.
     let Some(message) = refusal([4096; 2], 4096, &["--downsample", "4"]) else { return };
     assert!(message.contains("needs 131072 MiB") && message.contains("MiB are allowed"), "{message}");

@@ -123,7 +123,7 @@ fn differences_are_those_of_the_document() {
 }
 
 #[test]
-fn what_unpacks_to_more_or_less_is_refused_without_memory_for_it() {
+fn streams_of_the_wrong_size_are_refused_without_allocating_it() {
     let bomb = zstd::bulk::compress(&vec![0; 64 << 20], 1).unwrap();
     assert!(bomb.len() < 20_000);
     let most = allocation_counter::measure(|| {

@@ -57,7 +57,7 @@ fn a_radius_with_too_many_voxels_is_refused_with_one_that_fits() {
 /// Invariant: Snapping finds the surfaces, edges and extremes of closed forms and of an exhaustive
 /// search, or reports that it found nothing.
 #[test]
-fn where_nothing_is_that_is_said() {
+fn places_without_a_surface_are_reported() {
     let volume = common::volume(PhantomKind::Sphere, 64); // 4 mm voxels
     let far = [0.0, 0.0, 500.0];
     for (target, what) in [

@@ -37,7 +37,7 @@ fn placed(truth: &[[f64; 3]], bias: [f64; 3], deviation: f64, normal: &mut Norma
 }
 
 #[test]
-fn readers_of_known_bias_and_variance_are_told_as_they_are() {
+fn known_bias_and_variance_of_readers_are_found() {
     const COUNT: usize = 3000;
     let mut normal = Normal::new(1);
     let truth = head(COUNT, &mut normal);
@@ -188,7 +188,7 @@ fn lines_and_angles_are_compared_by_their_measures() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_said_in_words() {
+fn too_few_items_give_a_reason_in_place_of_figures() {
     let x = || vec![landmark("x", [1.0; 3])];
     let says = |readings: Vec<Reading>, truth, says: &str| {
         let refused = study(readings, truth).unwrap_err().to_string();
@@ -216,7 +216,7 @@ fn what_cannot_be_compared_is_said_in_words() {
 /// One landmark, constant readers, skipped items: every figure is a number, or words say why it is
 /// missing.
 #[test]
-fn nothing_that_readers_do_makes_a_number_that_is_none() {
+fn figures_of_readers_are_always_finite() {
     let skipped = || Item { state: State::Skipped, ..Item::new("z", "anna", None).unwrap() };
     let same = || (0..4).map(|at| landmark(&format!("p{at}"), [1.0, 2.0, 3.0])).collect::<Vec<_>>();
     let one = |x| vec![landmark("x", [x, 0.0, 0.0]), skipped()];

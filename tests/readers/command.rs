@@ -195,7 +195,7 @@ fn readers_are_compared_with_the_truth_in_tables_and_on_a_page() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused_in_words() {
+fn sets_without_common_items_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     assert!(fails(folder, &["compare", "--sets", "a,b"]).contains("there is no log"));

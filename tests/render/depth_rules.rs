@@ -174,7 +174,7 @@ fn two_layers_have_a_threshold_each_and_the_back_has_its_own_colour() {
 }
 
 #[test]
-fn what_hides_nothing_is_no_layer_and_what_ends_nowhere_has_nothing_behind() {
+fn a_layer_needs_a_gap_behind_it_to_hide_a_surface() {
     let rule = DepthRule::TwoLayer { fraction: 0.5 };
     // 26 % is below what makes a layer: both slabs are one.
     let faint = [(5, 0.0), (3, 0.1), (10, 0.0), (20, 0.3), (5, 0.0)];

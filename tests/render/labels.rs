@@ -243,7 +243,7 @@ fn gpu_and_twin_agree_about_segments_in_every_mode_and_rule() {
 }
 
 #[test]
-fn what_is_hidden_throws_no_shadow() {
+fn hidden_segments_cast_no_shadow() {
     let volume = oblique_head();
     let map = patchwork(volume.grid());
     for edges in ["smooth", "voxels"] {
@@ -255,7 +255,7 @@ fn what_is_hidden_throws_no_shadow() {
         let lit = RenderRequest { lights: vec![light], illumination, ..request };
         compare(&volume, &lit, &format!("shadows of segments, {edges}"));
         // Shadows and occlusion of hidden segments would darken the rest.
-        let Some(mut renderer) = renderer("what_is_hidden_throws_no_shadow") else { return };
+        let Some(mut renderer) = renderer("hidden_segments_cast_no_shadow") else { return };
         let brightness = |frame: RenderedFrame| {
             let channels = frame.color_rgba.iter().flat_map(|pixel| pixel[..3].to_vec());
             channels.map(u64::from).sum::<u64>()

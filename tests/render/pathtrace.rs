@@ -325,7 +325,7 @@ fn depth_is_that_of_the_composite_picture() {
 }
 
 #[test]
-fn what_is_clipped_neither_shows_nor_casts_a_shadow() {
+fn clipped_voxels_are_invisible_and_cast_no_shadow() {
     let Some(mut renderer) = renderer("what_is_clipped_neither_shows") else { return };
     let volume = common::volume(PhantomKind::Slab, 128);
     let extinction = 0.03;

@@ -143,7 +143,7 @@ fn every_ball_lies_where_the_convention_puts_it() {
 ///
 /// The axial slice through four balls of different size: each size is where its side belongs.
 #[test]
-fn left_right_front_and_back_are_told_apart_by_their_size() {
+fn left_right_front_and_back_have_markers_of_different_size() {
     let Some(mut renderer) = renderer("left_right_front_and_back") else { return };
     let phantom = Phantom::axes(64).unwrap();
     let scene = r#"{"mode": "slice", "size_px": [128, 128], "slice": {"plane": "axial", "height_mm": 128},
@@ -195,8 +195,8 @@ fn outside_the_volume_is_background_without_depth() {
 }
 
 #[test]
-fn what_is_clipped_away_is_not_in_the_slice() {
-    let Some(mut renderer) = renderer("what_is_clipped_away_is_not_in_the_slice") else { return };
+fn slices_leave_out_clipped_voxels() {
+    let Some(mut renderer) = renderer("slices_leave_out_clipped_voxels") else { return };
     let phantom = Phantom::ramp(32).unwrap();
     let mut request = slice(
         &phantom.volume,

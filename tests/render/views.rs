@@ -29,7 +29,7 @@ fn gpu_and_twin_agree_through_shifted_lenses() {
 /// Balls of the sphere phantom's series and an overlay's: where `project` says, with the depth that
 /// a pick finds again.
 #[test]
-fn what_is_seen_from_beside_lies_where_projection_says_and_picks_find_it() {
+fn shifted_views_agree_with_the_projection_and_with_picks() {
     let Some(mut renderer) = renderer("what_is_seen_from_beside") else { return };
     let volume = common::volume(PhantomKind::Sphere, 64);
     let overlays = json!({ "items": [

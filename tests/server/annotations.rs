@@ -58,7 +58,7 @@ pub(crate) fn point(name: &str, at_mm: [f64; 3]) -> Value {
 }
 
 #[tokio::test]
-async fn a_server_without_a_log_says_so() {
+async fn a_server_without_a_log_refuses_annotations_with_the_reason() {
     let stage = Stage::new();
     let problem = stage.get(&stage.path("annotations")).await.problem(404);
     assert_eq!(problem["type"], "urn:relief:problem:annotations-off");
@@ -191,7 +191,7 @@ async fn two_editors_never_overwrite_silently() {
 /// Invariant: Concurrent editors never overwrite each other silently; a blinded reader sees one
 /// set, and other readers do not see it; no answer contains a UID.
 #[tokio::test]
-async fn blinded_readers_see_their_own_set_and_nobody_sees_theirs() {
+async fn blinded_readers_see_only_their_own_set_and_others_do_not() {
     let stage = Stage::annotated().await;
     for (set, reader) in [("a", "anna"), ("b", "ben")] {
         let body = json!({ "reader": reader, "blinded": true });
@@ -292,7 +292,7 @@ async fn templates_say_what_is_missing() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_is_named() {
+async fn invalid_fields_are_named() {
     let stage = Stage::annotated().await;
     let create = |item: Value| json!({ "changes": [{ "change": "create", "item": item }] });
     let far = point("far", [0.0, 2e6, 0.0]);

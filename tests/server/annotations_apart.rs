@@ -159,7 +159,7 @@ async fn an_edit_of_two_volumes_is_taken_back_from_neither() {
 ///
 /// Items that belong to another reader by now are neither undone nor shown by a step.
 #[tokio::test]
-async fn a_step_reaches_no_set_of_somebody_else() {
+async fn undo_leaves_sets_of_other_readers_alone() {
     let stage = Stage::annotated().await;
     let id = stage.create("anna", json!([point("hers", [0.0; 3])])).await.remove(0);
     stage.annotate(Method::PUT, "/sets/default", "chief", json!({ "reader": "ben", "blinded": true })).await;

@@ -16,7 +16,7 @@ async fn frame(stage: &Stage, query: &str, author: &str) -> Answer {
 }
 
 #[tokio::test]
-async fn frames_show_what_is_asked_for_and_change_with_it() {
+async fn frames_follow_their_parameters() {
     let stage = Stage::annotated().await;
     let mut hidden = point("hidden", [0.0; 3]);
     hidden["visible"] = false.into();

@@ -140,7 +140,7 @@ async fn undo_takes_back_the_authors_edit_while_annotations_are_drawn() {
 /// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
 /// the log; a server that loses its connection catches up.
 #[tokio::test]
-async fn blinded_readers_are_told_of_their_own_set_alone() {
+async fn blinded_readers_are_notified_of_their_own_set_only() {
     let running = Running::annotated().await;
     for (set, reader) in [("a", "anna"), ("b", "ben")] {
         let body = json!({ "reader": reader, "blinded": true });
@@ -158,7 +158,7 @@ async fn blinded_readers_are_told_of_their_own_set_alone() {
 }
 
 #[tokio::test]
-async fn who_places_has_a_name_and_a_server_a_log() {
+async fn placing_needs_an_author_and_a_log() {
     let running = Running::annotated().await;
     let (mut client, _) = running.hello(json!({ "settings": { "annotations": true } })).await;
     place(&mut client, 1, [1.0, 0.0, 0.0]).await;
@@ -269,7 +269,7 @@ async fn a_landmark_is_taken_hold_of_and_moved() {
 /// Invariant: Moving a point is one edit that can be undone, and it never overwrites a change of
 /// another author.
 #[tokio::test]
-async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
+async fn a_move_does_not_overwrite_the_change_of_another_author() {
     let running = Running::annotated().await;
     let (mut anna, _) = running.hello(annotating("theatre", "anna", "s")).await;
     let (mut ben, _) = running.hello(annotating("other", "ben", "s")).await;
@@ -308,7 +308,7 @@ async fn what_somebody_else_has_changed_is_not_overwritten_by_a_move() {
 
 /// Invariant: Requests about one volume, or about another author's set, change nothing else.
 #[tokio::test]
-async fn what_is_held_is_let_go_where_the_view_turns_to_something_else() {
+async fn changing_the_volume_releases_a_held_item() {
     let running = Running::annotated().await;
     let zip = crate::server::uploads::series_zip(9);
     let other = running.stage.post("/v1/volumes", "application/zip", zip).await.json()["id"].clone();
@@ -400,7 +400,7 @@ async fn intents_before_a_refused_one_stay_applied() {
 }
 
 #[tokio::test]
-async fn an_edit_too_large_for_a_message_says_so() {
+async fn an_edit_too_large_for_a_message_is_announced_without_events() {
     let running = Running::annotated().await;
     let (mut client, _) = running.hello(json!({})).await;
     let many: Vec<Value> = (0..500u16).map(|i| point(&format!("p{i}"), [f64::from(i), 0.0, 0.0])).collect();

@@ -71,7 +71,7 @@ async fn light_paths_lose_passes() {
 }
 
 #[tokio::test]
-async fn what_has_a_budget_is_asked_for_anew_and_named_by_what_was_used() {
+async fn budgeted_pictures_are_not_cached_and_name_their_quality() {
     let stage = Stage::new();
     let path = stage.path(&format!("frame?{SIZE}"));
     stage.get(&path).await;

@@ -48,7 +48,7 @@ fn numbers(module: &Value, tag: &str) -> Vec<f64> {
 }
 
 #[tokio::test]
-async fn pictures_come_in_the_media_type_and_viewport_that_are_asked_for() {
+async fn pictures_have_the_requested_media_type_and_viewport() {
     let stage = stage();
     for resource in ["rendered3D", "rendered3d", "renderedmpr"] {
         for (accept, media) in
@@ -179,7 +179,7 @@ async fn the_camera_is_parallel_outside_the_volume_and_does_not_scale_when_it_mo
 }
 
 #[tokio::test]
-async fn what_is_malformed_or_not_done_is_refused_and_what_is_unknown_ignored() {
+async fn malformed_and_unsupported_parameters_are_refused_and_unknown_ones_ignored() {
     let stage = stage();
     for (query, name, detail) in [
         ("rendered3D?renderingmethod=xray", "renderingmethod", "maximum_ip"),
@@ -219,7 +219,7 @@ async fn what_is_malformed_or_not_done_is_refused_and_what_is_unknown_ignored() 
 /// Invariant: DICOMweb requests find volumes by UID, and no log, metric or answer contains one;
 /// viewpoints follow the standard, and the reported module reproduces the picture.
 #[tokio::test]
-async fn uids_are_matched_exactly_and_told_to_nobody() {
+async fn uids_are_matched_exactly_and_never_shown() {
     let stage = stage();
     for wrong in [
         format!("/studies/{STUDY}/series/{STUDY}/rendered3D"),

@@ -42,7 +42,7 @@ async fn pair(place: &str) -> [Running; 2] {
     [Running::following(place).await, Running::following(place).await]
 }
 
-async fn what_is_done_at_one_server_is_seen_at_the_other(place: &str) {
+async fn edits_on_one_server_appear_on_the_other(place: &str) {
     let [a, b] = pair(place).await;
     let (mut anna, _) =
         a.hello(json!({ "view": "theatre", "author": "anna", "settings": { "annotations": true } })).await;
@@ -178,7 +178,7 @@ async fn an_edit_of_many_items_is_told_as_one(place: &str) {
 
 /// The listening connections are cut, then the whole server; edits written meanwhile are pushed all
 /// the same.
-async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &mut Postgres, name: &str) {
+async fn events_written_during_an_outage_are_published_afterwards(postgres: &mut Postgres, name: &str) {
     let [a, b] = pair(&postgres.url(name)).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
     let listening = "FROM pg_stat_activity WHERE datname = current_database() AND query LIKE 'LISTEN%'";
@@ -210,7 +210,7 @@ async fn what_was_written_while_nobody_could_hear_is_told_afterwards(postgres: &
 async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    what_is_done_at_one_server_is_seen_at_the_other(&place("seen.db")).await;
+    edits_on_one_server_appear_on_the_other(&place("seen.db")).await;
     edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&place("order.db")).await;
     a_set_that_a_request_sees_first_is_drawn_as_it_is(&place("sets.db")).await;
     an_edit_of_many_items_is_told_as_one(&place("many.db")).await;
@@ -226,8 +226,8 @@ async fn a_second_server_of_a_database_sees_and_tells_what_the_first_one_does() 
     for name in ["seen", "order", "sets", "deaf"] {
         postgres.database(name).await;
     }
-    what_is_done_at_one_server_is_seen_at_the_other(&postgres.url("seen")).await;
+    edits_on_one_server_appear_on_the_other(&postgres.url("seen")).await;
     edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(&postgres.url("order")).await;
     a_set_that_a_request_sees_first_is_drawn_as_it_is(&postgres.url("sets")).await;
-    what_was_written_while_nobody_could_hear_is_told_afterwards(&mut postgres, "deaf").await;
+    events_written_during_an_outage_are_published_afterwards(&mut postgres, "deaf").await;
 }

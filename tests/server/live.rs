@@ -130,7 +130,7 @@ async fn watchers_see_what_the_presenter_does_and_change_nothing() {
 }
 
 #[tokio::test]
-async fn a_view_that_nobody_named_is_ones_own() {
+async fn an_unnamed_view_is_private() {
     let running = Running::new().await;
     let (_a, first) = running.hello(json!({})).await;
     let (_b, second) = running.hello(json!({})).await;
@@ -225,7 +225,7 @@ async fn malformed_messages_are_named_and_twenty_end_the_session() {
 }
 
 #[tokio::test]
-async fn what_is_no_session_is_ended_by_its_code() {
+async fn invalid_sessions_are_closed_with_their_code() {
     let live = LiveConfig { hello_timeout: Duration::from_millis(100), ..LiveConfig::default() };
     let running = Running::with(live).await;
     let protocol = [("sec-websocket-protocol", SUBPROTOCOL)];

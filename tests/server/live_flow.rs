@@ -90,7 +90,7 @@ async fn two_frames_are_on_their_way_and_no_more() {
 
 /// Invariant: A client has at most two frames in flight, and a stalled client affects no other.
 #[tokio::test]
-async fn a_stalled_client_holds_two_frames_and_harms_nobody() {
+async fn a_stalled_client_holds_two_frames_and_delays_no_other() {
     let running = Running::new().await;
     let (mut mover, _) = running.hello(json!({ "view": "v" })).await;
     mover.still(0).await;

@@ -115,7 +115,7 @@ async fn streams_end_with_the_server() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_is_told() {
+async fn invalid_messages_are_answered_with_the_reason() {
     let running = Running::new().await;
     let stage = &running.stage;
     for (path, status, kind) in [

@@ -77,7 +77,7 @@ async fn of_three_series_under_a_limit_for_two_the_least_recently_shown_goes_and
 }
 
 #[tokio::test]
-async fn what_has_no_room_is_refused_with_what_it_needs_and_what_there_is() {
+async fn a_volume_beyond_the_budget_is_refused_with_needed_and_free_bytes() {
     let stage = Stage::empty(Config { memory_bytes: 2 * EACH, ..Config::default() }, QueueConfig::default());
     stage.server.add_volume(loaded(cube())); // stays
     let full = stage.server.make_room(EACH + 1).unwrap_err();

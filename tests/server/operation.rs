@@ -258,7 +258,7 @@ async fn every_answer_is_hardened() {
 }
 
 #[tokio::test]
-async fn what_openapi_lists_is_there_with_these_methods_alone() {
+async fn openapi_lists_exactly_the_served_methods() {
     let stage = Stage::new();
     let api = stage.get("/openapi.json").await.json();
     assert!(api["openapi"].as_str().unwrap().starts_with("3.1"));

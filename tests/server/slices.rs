@@ -75,7 +75,7 @@ async fn a_pick_on_a_slice_is_a_point_of_its_plane() {
 }
 
 #[tokio::test]
-async fn what_is_wrong_with_a_slice_is_named() {
+async fn invalid_slices_are_named() {
     let stage = Stage::new();
     for (part, status, path, detail) in [
         ("slice?plane=transverse", 400, "plane", "axial, sagittal, coronal"),

@@ -39,7 +39,7 @@ async fn a_known_thumbnail_is_answered_without_rendering() {
 }
 
 #[tokio::test]
-async fn what_is_no_thumbnail_is_refused() {
+async fn invalid_thumbnail_requests_are_refused() {
     let stage = Stage::new();
     let unknown = stage.get(&path(&stage, "bones")).await.problem(404);
     assert!(unknown["detail"].as_str().unwrap().contains("bone, skin"), "{unknown}");

@@ -315,7 +315,7 @@ fn a_client_certificate_names_its_holder() {
 
 /// Invariant: The header of a proxy names callers only if the connection comes from the proxy.
 #[test]
-fn a_trusted_proxy_names_callers_and_nobody_else_does() {
+fn only_a_trusted_proxy_names_callers() {
     let arguments = ["serve", "--listen", "127.0.0.1:0", "--proxy-scope", "view", "--trusted-proxy"];
     let named = "X-Forwarded-User: ren%C3%A9e\r\n";
     let running = Running::spawn(&mut relief(&[&arguments[..], &["127.0.0.1"]].concat()));

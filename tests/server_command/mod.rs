@@ -214,7 +214,7 @@ fn metric(running: &Running, name: &str) -> u64 {
 /// Invariant: Bands change no byte of a picture, and cancelling ends a picture after its current
 /// band.
 #[test]
-fn a_long_render_that_nobody_waits_for_makes_way() {
+fn an_abandoned_long_render_is_cancelled() {
     const SIDE: u64 = 2048;
     let folder = tempfile::tempdir().unwrap();
     let running = Running::start(&phantom(folder.path()));

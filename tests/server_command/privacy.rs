@@ -63,7 +63,7 @@ fn replaced(bytes: &[u8], from: &[u8; 7], to: &[u8; 7]) -> Vec<u8> {
 }
 
 #[test]
-fn descriptions_are_shown_where_the_operator_says_so() {
+fn descriptions_are_shown_if_the_operator_allows_it() {
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let _planted = Planted::into(Path::new(&series));

@@ -184,7 +184,7 @@ fn kill(kills: usize, folder: &Path) -> usize {
 /// process is killed.
 #[cfg(unix)]
 #[test]
-fn what_was_acknowledged_survives_a_kill() {
+fn acknowledged_edits_survive_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let total = kill(20, folder.path());
     assert!(total > 100, "{total} events: the victims hardly lived");
@@ -209,7 +209,7 @@ fn soak() {
 /// lost.
 #[cfg(unix)]
 #[test]
-fn what_was_acknowledged_survives_a_disk_that_refuses() {
+fn acknowledged_edits_survive_a_full_disk() {
     let folder = tempfile::tempdir().unwrap();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     for limit_kib in [150, 700, 2000] {

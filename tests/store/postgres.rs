@@ -20,7 +20,7 @@ use crate::store::{basics, model, writers};
 async fn postgres_keeps_the_same_log() {
     let Some(mut server) = Server::start("the log in PostgreSQL").await else { return };
     // First, for it syncs every file of every database when it comes back.
-    what_was_acknowledged_survives_a_crash(&mut server).await;
+    acknowledged_edits_survive_a_crash(&mut server).await;
     basics::all(&server).await;
     model::all(&server).await;
     model::random_steps(&server).await;
@@ -85,7 +85,7 @@ async fn other_schemas_are_refused(server: &Server) {
 
 /// The server is killed while others write; afterwards all acknowledged changes are there, and the
 /// same store continues.
-async fn what_was_acknowledged_survives_a_crash(server: &mut Server) {
+async fn acknowledged_edits_survive_a_crash(server: &mut Server) {
     let store = server.store("crash").await;
     for round in 0..3 {
         let (writing, is_over) = (store.clone(), Arc::new(AtomicBool::new(false)));

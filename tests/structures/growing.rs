@@ -58,7 +58,7 @@ fn a_region_larger_than_allowed_has_leaked() {
 }
 
 #[test]
-fn a_radius_cuts_and_says_so() {
+fn a_radius_limits_growth_and_is_reported() {
     let limits = GrowLimits { max_radius_mm: Some(15.0), ..GrowLimits::default() };
     let found = grown(&from(-20.0, limits)).unwrap();
     let near = |p: DVec3| is_dumbbell(p) && p.distance(DVec3::new(-20.0, 0.0, 0.0)) <= 15.0;
@@ -129,7 +129,7 @@ fn seeds_and_arguments_that_are_wrong_are_named() {
 }
 
 #[test]
-fn growing_stops_when_nobody_waits_at_every_stage() {
+fn growing_stops_at_every_stage_when_the_caller_leaves() {
     let neck = from(-20.0, GrowLimits { neck_mm: Some(6.0), ..GrowLimits::default() });
     let calls = AtomicUsize::new(0);
     let stages = std::sync::Mutex::new(Vec::new());

@@ -102,7 +102,7 @@ fn nine_lines_are_read_in_their_order() {
 }
 
 #[test]
-fn files_that_are_wrong_are_told_where_and_what() {
+fn invalid_files_are_refused_with_place_and_reason() {
     let xml = |attributes: &str| format!("<MRML><VolumeProperty name=\"A\" {attributes}/></MRML>");
     let good = r#"colorTransfer="4 0 0 0 0""#;
     for (text, parts) in [

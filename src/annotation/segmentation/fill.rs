@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_filled_is_named() {
+    fn fill_names_contours_that_it_cannot_use() {
         let grid = Grid::axis_aligned([10, 10, 10], [1.0; 3], [0.0; 3]).unwrap();
         let good = ring(|t| DVec3::new(5.0 * t.cos(), 5.0 * t.sin(), 4.0), 12);
         let says = |contours: &[Contour], text: &str| {

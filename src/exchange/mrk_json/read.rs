@@ -265,7 +265,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_told_as_slicer_does() {
+    fn versions_are_parsed_as_slicer_does() {
         for good in
             ["markups-schema-v1.0.0.json", "x/Markups-Schema-V1.20.3.JSON##", super::super::wire::SCHEMA]
         {

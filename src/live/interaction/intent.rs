@@ -371,7 +371,7 @@ mod tests {
 
     /// An error names the key, the value and the permitted values.
     #[test]
-    fn what_is_wrong_is_named() {
+    fn invalid_fields_are_named() {
         for (json, says) in [
             ("", "invalid intent: EOF"),
             ("[1]", "expected an object with a key \"intent\""),

@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_volume_hides_is_dimmed_and_writes_no_depth() {
+    fn hidden_overlays_are_dimmed_and_write_no_depth() {
         let behind = fragment(RED, 1.0, 90.0, FULL);
         let (color, depth) = resolved(&[behind], (GREY, 80.0), 0.25);
         assert_eq!((color, depth), ([139, 75, 75, 255], 80.0));

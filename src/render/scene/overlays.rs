@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_an_overlay_is_named_with_path_value_and_range() {
+    fn invalid_overlays_are_named_with_path_value_and_range() {
         let item = |item: &str| format!(r#"{{"items":[{{"landmark":{{"at_mm":[0,0,0]}}}},{item}]}}"#);
         let mesh = |rest: &str| {
             item(&format!(r#"{{"mesh":{{"vertices_mm":[[0,0,0],[1,0,0],[0,1,0]],"triangles":{rest}}}}}"#))

@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_with_a_slice_is_named_with_path_value_and_range() {
+    fn invalid_slices_are_named_with_path_value_and_range() {
         let slice = |slice: &str| format!(r#"{{"mode": "slice", "slice": {slice}}}"#);
         for (json, parts) in [
             (

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn sets_that_were_asked_for_before_a_change_was_known_of_are_not_kept() {
+    fn sets_requested_before_a_change_are_not_cached() {
         let mut snapshots = Snapshots::default();
         let early = snapshots.sets_asked;
         assert!(!snapshots.keep_sets(early, sets(false)).unwrap().1, "the first are no others");

@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blinded_reader_sees_one_set_and_nobody_else_sees_that() {
+    fn a_blinded_reader_sees_only_its_own_set_and_others_do_not_see_it() {
         let sets = [set("a", Some("anna"), true), set("b", Some("ben"), true), set("c", Some("cleo"), false)];
         for (author, seen, written) in [
             (Some("anna"), &["a"][..], &["a"][..]),

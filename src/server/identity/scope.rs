@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_changes_nothing_needs_no_more_than_view() {
+    fn reading_requests_need_only_the_view_scope() {
         for (method, route, scope) in [
             (Method::GET, "/v1/volumes/{id}/annotations", Scope::View),
             (Method::POST, "/v1/volumes/{id}/frame", Scope::View),

@@ -117,7 +117,7 @@ fn a_slice_shows_what_is_near_and_outlines_of_what_it_cuts() {
 }
 
 #[test]
-fn what_has_no_room_is_counted() {
+fn items_beyond_the_limit_are_counted() {
     let items: Vec<Item> = (0..20)
         .map(|i| item(&format!("m{i}"), mesh()))
         .chain([item("p", Geometry::Point { at_mm: Point::new(0.0, 0.0, 0.0) })])

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_passes_is_tried_again_later_each_time_and_what_does_not_never() {
+    fn only_temporary_failures_are_retried_with_growing_delays() {
         let now = Instant::now();
         let mut waits = Vec::new();
         let mut failure = None;

@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_coefficient_is_said_in_words() {
+    fn missing_coefficients_give_a_reason() {
         assert_eq!(unknown(&[]), Undefined::FewSubjects { found: 0 });
         assert_eq!(unknown(&[&[1.0, 2.0]]), Undefined::FewSubjects { found: 1 });
         assert_eq!(unknown(&[&[1.0], &[2.0]]), Undefined::FewRaters { found: 1 });

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn items_are_matched_by_name_and_what_lacks_is_said() {
+    fn items_are_matched_by_name_and_missing_ones_are_listed() {
         let a = [point("nasion", 1.0), point("menton", 2.0), point("sella", 3.0)];
         let mut skipped = named("menton", None);
         skipped.state = State::Skipped;

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_the_same() {
+    fn written_recordings_read_back_the_same() {
         let camera = Pinhole {
             fx: 1341.234567890123,
             fy: 1339.9,

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn values_out_of_range_are_named() {
         let plain = Orbit::default();
         for (orbit, what) in [
             (Orbit { azimuth_deg: f64::NAN, ..plain }, "azimuth_deg"),

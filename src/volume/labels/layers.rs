@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn there_are_so_many_layers_and_no_more() {
+    fn the_number_of_layers_is_bounded() {
         let grid = Grid::axis_aligned([2, 1, 1], [1.0; 3], [0.0; 3]).unwrap();
         let mut layers = Layers::new(grid, u64::MAX);
         for label in 1..=64 {

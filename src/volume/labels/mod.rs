@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_content_is_equal_and_says_so() {
+    fn equal_content_is_reported_as_equal() {
         let make = |label| LabelMap::new(grid([2, 1, 1], 2.0, 0.0), &[1, label], vec![]).unwrap();
         assert_eq!(make(5), make(5));
         assert_ne!(make(5), make(6));

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_opaque_has_the_largest_extinction() {
+    fn opaque_material_has_the_largest_extinction() {
         let table = MediumTable::new(&transfer(&[(0.0, 1.0)], 1.0), 1.0);
         assert_eq!(table.largest_extinction(-5.0, 5.0), 10.0);
     }

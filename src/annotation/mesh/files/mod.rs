@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn files_in_ras_and_files_that_say_nothing_are_told_apart() {
+    fn files_in_ras_and_files_without_a_space_are_distinguished() {
         for format in [MeshFormat::Ply, MeshFormat::Stl, MeshFormat::Obj] {
             let bytes = write_mesh(format, &tetrahedron(), "a").unwrap();
             let changed = |to: &[u8]| {
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_named() {
+    fn formats_name_meshes_that_they_cannot_hold() {
         let mut mesh = tetrahedron();
         mesh.triangles[2][1] = 4;
         let refused = write_mesh(MeshFormat::Stl, &mesh, "").unwrap_err().to_string();

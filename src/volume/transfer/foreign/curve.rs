@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn values_out_of_range_are_named() {
         let refused =
             |node: Node<1>| Curve::new(vec![node], CoincidentNodes::Step, "opacity").unwrap_err().to_string();
         let plain = Node::plain(0.0, [0.5]);
