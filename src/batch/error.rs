@@ -8,6 +8,7 @@ use relief_session::ContentError;
 use relief_store::StoreError;
 use serde::{Deserialize, Serialize};
 
+use super::isolation::IsolationError;
 use super::query::UnmetCondition;
 
 /// Why a manifest could not be read.
@@ -215,6 +216,9 @@ pub enum SkipReason {
         /// The error of the system.
         source: std::io::Error,
     },
+    /// The child process that reads a series of a bucket refuses it, or failed.
+    #[error(transparent)]
+    Isolated(#[from] IsolationError),
     /// A file or folder without CT slices.
     #[error("no CT series")]
     NoSeries,

@@ -20,6 +20,7 @@ mod dataset;
 mod error;
 mod found;
 mod gate;
+mod isolation;
 mod landmarks;
 mod location;
 mod log;
@@ -51,6 +52,7 @@ pub use copies::{Copies, CopiesOptions, Local};
 pub use error::{
     AnnotationsError, Failure, FailureKind, ManifestError, PlanError, SkipReason, ViewError, ViewsError,
 };
+pub use isolation::{IsolatedReader, IsolationError};
 pub use landmarks::LANDMARK_VIEW_MM;
 pub use location::{Location, LocationError};
 pub use log::AnnotationLog;

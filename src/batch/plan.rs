@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use data_encoding::HEXLOWER;
 use serde_json::{Map, Value};
 
 use super::copies::{Copies, Local};
 use super::error::{PlanError, SkipReason};
 use super::found::{FoundSeries, SeriesFormat};
+use super::isolation::Listing;
 use super::landmarks::{camera_views, landmark_views};
 use super::location::{Location, SERIES_ENDINGS};
 use super::log::AnnotationLog;
@@ -19,8 +19,8 @@ use super::query::Query;
 use super::source::{LabelsSource, SeriesSource};
 use super::views::{View, ViewSet};
 use relief_annotation::Item;
-use relief_base::sha256_of_file;
-use relief_dicom::{SeriesEntry, Strictness};
+use relief_base::{Budget, sha256_of_file};
+use relief_dicom::Strictness;
 use relief_render::{FramingRule, SceneFile, TableRule};
 use relief_volume::Orbit;
 use relief_volume::Volume;
@@ -317,10 +317,10 @@ fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, SkipReas
         let sha256 = sha256_of_file(local.path())?;
         return Ok(vec![FoundSeries { source: source(None, sha256), local, kind: SeriesFormat::File }]);
     }
-    let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())?;
-    let several = found.series.len() > 1;
-    let is_wanted = |entry: &SeriesEntry| place.uid.as_deref().is_none_or(|uid| entry.uid() == uid);
-    let wanted: Vec<_> = found.series.into_iter().filter(is_wanted).collect();
+    let found = series_at(&local)?;
+    let several = found.len() > 1;
+    let is_wanted = |kind: &SeriesFormat| place.uid.as_deref().is_none_or(|uid| kind.uid() == Some(uid));
+    let wanted: Vec<_> = found.into_iter().filter(is_wanted).collect();
     if wanted.is_empty() {
         return Err(SkipReason::NoSeries);
     }
@@ -329,10 +329,22 @@ fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, SkipReas
     }
     wanted
         .into_iter()
-        .map(|entry| {
-            let sha256 = HEXLOWER.encode(&entry.content_sha256()?);
-            let source = source(several.then(|| entry.uid().to_owned()), sha256);
-            Ok(FoundSeries { source, local: local.clone(), kind: SeriesFormat::Dicom(entry) })
+        .map(|kind| {
+            let uid = kind.uid().filter(|_| several).map(str::to_owned);
+            let source = source(uid, kind.sha256()?);
+            Ok(FoundSeries { source, local: local.clone(), kind })
         })
         .collect()
+}
+
+/// The DICOM series of a place; those of a bucket are read in a child process.
+fn series_at(local: &Local) -> Result<Vec<SeriesFormat>, SkipReason> {
+    let Some(reader) = local.isolated() else {
+        let found = relief_dicom::discover(local.path(), Strictness::Lenient, &|_| ())?;
+        return Ok(found.series.into_iter().map(SeriesFormat::Dicom).collect());
+    };
+    match reader.list(local.path(), true, &Budget::default())? {
+        Listing::Series(series) => Ok(series.into_iter().map(SeriesFormat::Isolated).collect()),
+        Listing::VolumeFile(_) => Ok(Vec::new()),
+    }
 }

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::copies::Copies;
 use super::error::{FailureKind, SeriesError};
 use super::gate::{MemoryBudget, ReservedMemory};
-use relief_base::sha256_of_file;
+use super::isolation::{self, FoundSeries, IsolatedReader, IsolationError};
+use relief_base::{Budget, sha256_of_file};
 use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
 use relief_session::load_labels;
 use relief_volume::{LabelMap, Volume};
@@ -64,8 +65,11 @@ impl SeriesSource {
     ) -> Result<BudgetedVolume<'a>, SeriesError> {
         let local = copies.local(&self.path).map_err(|error| SeriesError::new(kind_of(&error), &error))?;
         let path = local.path();
-        let is_file = relief_dicom::is_volume_file(path);
-        let mut loaded = if is_file { self.load_file(path, gate)? } else { self.load_series(path, gate)? };
+        let mut loaded = match local.isolated() {
+            Some(reader) => self.load_isolated(reader, path, gate)?,
+            None if relief_dicom::is_volume_file(path) => self.load_file(path, gate)?,
+            None => self.load_series(path, gate)?,
+        };
         if let Some(labels) = &self.labels {
             labels.load(copies, gate, &mut loaded)?;
         }
@@ -108,6 +112,35 @@ impl SeriesSource {
         Ok(BudgetedVolume { volume: read.volume, labels: None, warnings: read.warnings, held })
     }
 
+    /// Loads the series in a child process.
+    fn load_isolated<'a>(
+        &self,
+        reader: &IsolatedReader,
+        path: &Path,
+        gate: &'a MemoryBudget,
+    ) -> Result<BudgetedVolume<'a>, SeriesError> {
+        if relief_dicom::is_volume_file(path) {
+            self.expect(&sha256_of_file(path).map_err(SeriesError::retryable)?)?;
+        }
+        let mut held = None;
+        let wanted = |found: &FoundSeries| {
+            found.sha256.as_deref().map_or(Ok(()), |sha256| self.expect(sha256))?;
+            let voxels = found.dims.iter().fold(1_u64, |count, side| count.saturating_mul(*side as u64));
+            let bytes = voxels.saturating_mul(size_of::<i16>() as u64);
+            let bytes = bytes.saturating_mul(1 + u64::from(self.labels.is_some()));
+            if bytes > gate.limit() {
+                return Err(too_large(bytes, gate.limit()).into());
+            }
+            held = Some(gate.hold(bytes));
+            Ok(())
+        };
+        let choice = isolation::choice(self.uid.as_deref());
+        let read = reader.series(path, choice, gate.limit(), &Budget::default(), wanted);
+        let (loaded, warnings) = read.map_err(of_child)?;
+        let held = held.unwrap_or_else(|| gate.hold(0));
+        Ok(BudgetedVolume { volume: loaded.volume, labels: None, warnings, held })
+    }
+
     fn expect(&self, found: &str) -> Result<(), SeriesError> {
         if self.sha256 == found {
             return Ok(());
@@ -133,13 +166,34 @@ impl LabelsSource {
                 "the series' label map has changed since planning; plan again",
             ));
         }
-        let most_voxels = gate.limit() / size_of::<u16>() as u64;
-        let labels = load_labels(path, most_voxels, loaded.volume.grid()).map_err(|error| {
-            SeriesError::permanent(format_args!("its label map: {}", error.about("its file")))
-        })?;
+        let grid = loaded.volume.grid();
+        let labels = match local.isolated() {
+            Some(reader) => reader.labels(path, grid).map_err(|error| {
+                let SeriesError { kind, reason } = of_child(error);
+                SeriesError::new(kind, format_args!("its label map: {reason}"))
+            })?,
+            None => load_labels(path, gate.limit() / size_of::<u16>() as u64, grid).map_err(|error| {
+                SeriesError::permanent(format_args!("its label map: {}", error.about("its file")))
+            })?,
+        };
         loaded.warnings.extend(labels.warnings);
         loaded.labels = Some(labels.map);
         Ok(())
+    }
+}
+
+/// Why a child process did not read a series.
+fn of_child(error: IsolationError) -> SeriesError {
+    match error {
+        IsolationError::Unwanted(reason) => match reason.downcast::<SeriesError>() {
+            Ok(error) => *error,
+            Err(reason) => SeriesError::permanent(reason),
+        },
+        // The machine is at fault, not the series.
+        error @ (IsolationError::Start(_) | IsolationError::NoMemory | IsolationError::Cancelled(_)) => {
+            SeriesError::new(FailureKind::Retryable, error)
+        }
+        error => SeriesError::permanent(error),
     }
 }
 

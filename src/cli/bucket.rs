@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::memory::parse_bytes;
-use relief_batch::{Copies, CopiesOptions, Location, Sink};
+use relief_batch::{Copies, CopiesOptions, IsolatedReader, Location, Sink};
 
 /// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID,
 /// AWS_SECRET_ACCESS_KEY, AWS_REGION.
@@ -50,13 +50,16 @@ impl BucketArguments {
 }
 
 impl CopiesArguments {
+    /// Copies that the caller reads.
     pub(super) fn copies(&self) -> Copies {
-        self.copies_below(Vec::new())
+        self.copies_below(Vec::new(), None)
     }
 
-    /// Copies of series below these places alone; anywhere if there are none.
-    pub(super) fn copies_below(&self, roots: Vec<Location>) -> Copies {
+    /// Copies of series below these places alone, or anywhere if there are none; read by
+    /// `isolated`.
+    pub(super) fn copies_below(&self, roots: Vec<Location>, isolated: Option<IsolatedReader>) -> Copies {
         let (folder, bytes) = (self.cache.clone(), self.cache_bytes);
-        Copies::new(CopiesOptions { folder, bytes, endpoint: self.bucket.s3_endpoint.clone(), roots })
+        let endpoint = self.bucket.s3_endpoint.clone();
+        Copies::new(CopiesOptions { folder, bytes, endpoint, roots, isolated })
     }
 }

@@ -18,6 +18,7 @@ mod client;
 mod doctor;
 mod golden;
 mod inspect;
+mod isolation;
 mod labels;
 mod light;
 mod memory;

@@ -45,7 +45,7 @@ fn enter(job: &Job) -> std::io::Result<Held> {
     let bulk = match job {
         // Voxels, and once more while they are put together.
         Job::Series(_, limits) => limits.voxel_bytes.saturating_mul(2).saturating_add(limits.kept_bytes),
-        Job::List(limits) => limits.kept_bytes,
+        Job::List { limits, .. } => limits.kept_bytes,
         Job::Labels { most_voxels, .. } => most_voxels.saturating_mul(8),
         Job::Annotations(_) => 4 << 30,
         Job::Probe(_) => 0,
@@ -55,7 +55,7 @@ fn enter(job: &Job) -> std::io::Result<Held> {
 
 fn work(job: &Job, held: Held, socket: &mut (impl Read + Write), windows: &Windows) -> std::io::Result<()> {
     match job {
-        Job::List(limits) => series::list(*limits, socket),
+        Job::List { limits, hashes_contents } => series::list(*limits, *hashes_contents, socket),
         Job::Series(choice, limits) => series::read(choice, *limits, socket, windows),
         Job::Labels { grid, most_voxels } => labels(grid, *most_voxels, socket, windows),
         Job::Annotations(job) => annotations(job, socket, windows),

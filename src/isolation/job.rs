@@ -11,8 +11,13 @@ use relief_volume::{Grid, GridError, Segment};
 /// A job; the file or folder is the child's standard input.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Job {
-    /// The UIDs of the series of a file or folder.
-    List(ReadLimits),
+    /// The series of a file or folder.
+    List {
+        /// What reading may take.
+        limits: ReadLimits,
+        /// Whether the contents of series are hashed, which reads all of their files.
+        hashes_contents: bool,
+    },
     /// A series of a file or folder.
     Series(SeriesChoice, ReadLimits),
     /// A label map, brought to a grid.
@@ -41,6 +46,8 @@ pub struct SeriesChoice {
     pub downsample: u8,
     /// Whether a volume in NIfTI or NRRD is taken as well.
     pub takes_volume_files: bool,
+    /// Whether the content of a DICOM series is hashed before it is read.
+    pub hashes_content: bool,
 }
 
 impl SeriesChoice {
@@ -49,8 +56,43 @@ impl SeriesChoice {
     #[must_use]
     pub fn only(subject: &str) -> Self {
         let subject = subject.to_owned();
-        Self { subject, uid: None, is_strict: false, downsample: 1, takes_volume_files: false }
+        Self {
+            subject,
+            uid: None,
+            is_strict: false,
+            downsample: 1,
+            takes_volume_files: false,
+            hashes_content: false,
+        }
     }
+}
+
+/// A series that a child found, by its headers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ListedSeries {
+    /// SeriesInstanceUID, with `#1`, `#2`, ... where it names several stacks.
+    pub uid: String,
+    /// Modality.
+    pub modality: String,
+    /// Columns, rows and slices.
+    pub dims: [usize; 3],
+    /// Distance between columns and between rows, mm.
+    pub pixel_mm: [f64; 2],
+    /// Thickness of a slice, mm.
+    pub thickness_mm: Option<f64>,
+    /// UID of the frame of reference.
+    pub frame_of_reference: Option<String>,
+    /// SHA-256 of its files, lowercase hexadecimal digits, if requested.
+    pub sha256: Option<String>,
+}
+
+/// What a child read from headers before it reads voxels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FoundSeries {
+    /// Columns, rows and slices of the volume.
+    pub dims: [usize; 3],
+    /// SHA-256 of the files of a DICOM series, lowercase hexadecimal digits, if requested.
+    pub sha256: Option<String>,
 }
 
 /// What reading may take.
@@ -128,10 +170,12 @@ pub(crate) struct AnnotationJob {
 /// What a child answers.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Answer {
-    /// The UIDs of the series that were found; `None` for a volume in NIfTI or NRRD.
-    Listed { uids: Option<Vec<String>> },
+    /// The series of a file or folder, at least one.
+    Listed { series: Vec<ListedSeries> },
+    /// The file is a volume in NIfTI or NRRD.
+    VolumeFile { grid: WireGrid },
     /// The headers of a series have been read; the parent says whether it wants the voxels.
-    Found { dims: [usize; 3] },
+    Found(FoundSeries),
     /// A series; its voxels follow, 16-bit HU, x fastest.
     Series(Box<SeriesAnswer>),
     /// A label map; the label of each voxel follows, 16 bits.

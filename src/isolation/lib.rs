@@ -21,5 +21,5 @@ mod window;
 mod wire;
 
 pub use child::serve;
-pub use job::{RemainingRights, SeriesChoice};
-pub use parent::{IsolatedReader, IsolationError};
+pub use job::{FoundSeries, ListedSeries, RemainingRights, SeriesChoice};
+pub use parent::{IsolatedReader, IsolationError, Listing};

@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 use serde::de::DeserializeOwned;
 
 use super::job::{
-    AnnotationJob, Answer, Job, Probe, ReadLimits, Refusal, RemainingRights, SeriesAnswer, SeriesChoice,
+    AnnotationJob, Answer, FoundSeries, Job, ListedSeries, Probe, ReadLimits, Refusal, RemainingRights,
+    SeriesAnswer, SeriesChoice,
 };
 use super::window::Windows;
 use super::wire::{receive, send};
@@ -39,6 +40,15 @@ const MOST_ANNOTATION_BYTES: u64 = 1 << 30;
 #[derive(Clone, Debug)]
 pub struct IsolatedReader {
     program: PathBuf,
+}
+
+/// What a file or folder contains.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Listing {
+    /// A volume in NIfTI or NRRD, on this grid.
+    VolumeFile(Grid),
+    /// DICOM series, at least one.
+    Series(Vec<ListedSeries>),
 }
 
 /// Why a file was not read.
@@ -105,20 +115,28 @@ impl IsolatedReader {
         Self { program }
     }
 
-    /// The UIDs of the series of a file or folder, at least one; `None` for a volume in NIfTI or
-    /// NRRD.
+    /// The series of a file or folder by their headers. `hashes_contents` reads all of their files.
     ///
     /// # Errors
     /// When there is no series, or the child does not keep to its limits.
-    pub fn list(&self, path: &Path, budget: &Budget) -> Result<Option<Vec<String>>, IsolationError> {
-        match self.start(path, &Job::List(limits(0, budget)), budget)?.receive()? {
-            Answer::Listed { uids } => Ok(uids),
+    pub fn list(
+        &self,
+        path: &Path,
+        hashes_contents: bool,
+        budget: &Budget,
+    ) -> Result<Listing, IsolationError> {
+        let job = Job::List { limits: limits(0, budget), hashes_contents };
+        match self.start(path, &job, budget)?.receive()? {
+            Answer::Listed { series } => Ok(Listing::Series(series)),
+            Answer::VolumeFile { grid } => {
+                Grid::try_from(&grid).map(Listing::VolumeFile).map_err(|_| IsolationError::Invalid)
+            }
             answer => Err(refusal(answer)),
         }
     }
 
     /// Reads a series of a file or folder, of at most `voxel_bytes`, and the messages of its
-    /// warnings. `wanted` sees its dimensions before voxels are read.
+    /// warnings. `wanted` decides by its headers before voxels are read.
     ///
     /// # Errors
     /// When there is no such series, it is not wanted, or does not keep to its limits.
@@ -128,11 +146,11 @@ impl IsolatedReader {
         choice: SeriesChoice,
         voxel_bytes: u64,
         budget: &Budget,
-        wanted: impl FnOnce([usize; 3]) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
+        wanted: impl FnOnce(&FoundSeries) -> Result<(), Box<dyn std::error::Error + Send + Sync>>,
     ) -> Result<(LoadedVolume, Vec<String>), IsolationError> {
         let mut running = self.start(path, &Job::Series(choice, limits(voxel_bytes, budget)), budget)?;
         match running.receive()? {
-            Answer::Found { dims } => wanted(dims).map_err(IsolationError::Unwanted)?,
+            Answer::Found(found) => wanted(&found).map_err(IsolationError::Unwanted)?,
             answer => return Err(refusal(answer)),
         }
         send(&mut running.socket, &()).map_err(|_| running.ended())?;

@@ -3,12 +3,13 @@
 use std::io::{Read, Result, Write};
 use std::path::Path;
 
-use super::job::{Answer, ReadLimits, Refusal, SeriesAnswer, SeriesChoice};
+use super::job::{Answer, FoundSeries, ListedSeries, ReadLimits, Refusal, SeriesAnswer, SeriesChoice};
 use super::reply::{FILE, refuse};
 use super::window::Windows;
 use super::wire::{receive, send};
+use data_encoding::HEXLOWER;
 use relief_base::Budget;
-use relief_dicom::{Discovery, Error, FormatLimits, LoadLimits, Loaded, Strictness};
+use relief_dicom::{Discovery, Error, FormatLimits, LoadLimits, Loaded, SeriesEntry, Strictness};
 
 /// What messages call a file or folder whose series are listed.
 const SUBJECT: &str = "the series' place";
@@ -29,20 +30,40 @@ impl SeriesChoice {
     }
 }
 
-/// Sends the UIDs of all series.
-pub(crate) fn list(limits: ReadLimits, socket: &mut impl Write) -> Result<()> {
+/// Sends the facts of all series, with hashes of their contents if requested.
+pub(crate) fn list(limits: ReadLimits, hashes_contents: bool, socket: &mut impl Write) -> Result<()> {
     if relief_dicom::is_volume_file(Path::new(FILE)) {
-        return send(socket, &Answer::Listed { uids: None });
+        return match relief_dicom::read_grid(Path::new(FILE)) {
+            Ok(grid) => send(socket, &Answer::VolumeFile { grid: (&grid).into() }),
+            Err(error) => refuse(socket, Refusal::Content, error.about(SUBJECT)),
+        };
     }
     let found =
         relief_dicom::discover_within(&limits.budget(), Path::new(FILE), Strictness::Lenient, &|_| ());
-    match found.and_then(|found| not_empty(&found).map(|()| found)) {
+    let listed = found.and_then(|found| {
+        not_empty(&found)?;
+        found.series.iter().map(|entry| listed(entry, hashes_contents)).collect()
+    });
+    match listed {
         Err(error) => refuse(socket, Refusal::Content, error.without_names(SUBJECT)),
-        Ok(found) => {
-            let uids = found.series.iter().map(|entry| entry.uid().to_owned()).collect();
-            send(socket, &Answer::Listed { uids: Some(uids) })
-        }
+        Ok(series) => send(socket, &Answer::Listed { series }),
     }
+}
+
+fn listed(entry: &SeriesEntry, hashes_content: bool) -> std::result::Result<ListedSeries, Error> {
+    Ok(ListedSeries {
+        uid: entry.uid().to_owned(),
+        modality: entry.modality().to_owned(),
+        dims: entry.dims(),
+        pixel_mm: entry.pixel_spacing_mm(),
+        thickness_mm: entry.thickness_mm(),
+        frame_of_reference: entry.frame_of_reference().map(str::to_owned),
+        sha256: content_hash(entry, hashes_content)?,
+    })
+}
+
+fn content_hash(entry: &SeriesEntry, is_wanted: bool) -> std::result::Result<Option<String>, Error> {
+    is_wanted.then(|| Ok(HEXLOWER.encode(&entry.content_sha256()?))).transpose()
 }
 
 /// The error of a place without series.
@@ -71,7 +92,11 @@ pub(crate) fn read(
         Ok(entry) => entry,
         Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
     };
-    send(socket, &Answer::Found { dims: choice.reduced(entry.dims()) })?;
+    let sha256 = match content_hash(entry, choice.hashes_content) {
+        Ok(sha256) => sha256,
+        Err(error) => return refuse(socket, Refusal::Content, refused(&error)),
+    };
+    send(socket, &Answer::Found(FoundSeries { dims: choice.reduced(entry.dims()), sha256 }))?;
     let () = receive(socket)?; // the parent wants the voxels
     let voxel_limits = LoadLimits { voxel_bytes: limits.voxel_bytes };
     match relief_dicom::load_within(voxel_limits, entry, choice.strictness(), &|_| ()) {
@@ -94,7 +119,7 @@ fn volume_file(
         Ok(grid) => grid,
         Err(error) => return refuse(socket, Refusal::Content, error.about(&choice.subject)),
     };
-    send(socket, &Answer::Found { dims: choice.reduced(grid.dims()) })?;
+    send(socket, &Answer::Found(FoundSeries { dims: choice.reduced(grid.dims()), sha256: None }))?;
     let () = receive(socket)?; // the parent wants the voxels
     let voxel_limits = FormatLimits { voxels: limits.voxel_bytes / size_of::<i16>() as u64 };
     match relief_dicom::read_volume_within(voxel_limits, Path::new(FILE)) {

@@ -2,11 +2,36 @@
 
 use super::services::{Bucket, Nats};
 use super::*;
+use std::process::Stdio;
 
 fn with_bucket(bucket: &Bucket, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
     command.args(arguments).env("RELIEF_ADAPTER", "cpu").envs(bucket.environment()).env("NO_PROXY", "*");
     command.output().unwrap()
+}
+
+/// The same, with the number of child processes that read series meanwhile.
+fn with_readers(bucket: &Bucket, arguments: &[&str]) -> (Output, usize) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").envs(bucket.environment()).env("NO_PROXY", "*");
+    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut readers = std::collections::BTreeSet::new();
+    while process.try_wait().unwrap().is_none() {
+        readers.extend(children_of(process.id()).into_iter().filter(|child| {
+            let command = std::fs::read(format!("/proc/{child}/cmdline")).unwrap_or_default();
+            String::from_utf8_lossy(&command).contains("decode-worker")
+        }));
+    }
+    (process.wait_with_output().unwrap(), readers.len())
+}
+
+/// Processes that threads of a process started.
+fn children_of(process: u32) -> Vec<u32> {
+    let threads = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    let children = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    children
+        .flat_map(|list| list.split_whitespace().filter_map(|id| id.parse().ok()).collect::<Vec<_>>())
+        .collect()
 }
 
 /// Invariant: A bucket receives the same bytes as a folder.
@@ -198,6 +223,42 @@ fn series_in_a_bucket_give_the_jobs_and_pictures_of_those_in_a_folder() {
         "names may be those of patients: {:?}",
         kept.keys()
     );
+}
+
+/// Invariant: Batches read series of buckets in child processes without rights, and the results are
+/// those of reading them in their own process.
+#[test]
+fn batches_read_series_of_buckets_in_child_processes() {
+    let Some(bucket) = Bucket::start("child processes that read series of buckets") else { return };
+    let archive = Archive::of_phantoms(2);
+    bucket.upload(&archive.path("series"), "ct/");
+    let damaged = "s3.put_object(Bucket='views', Key='ct/DOE^JANE/1.dcm', Body=b'\\0' * 128 + b'DICM' + b'\\xff' * 500)";
+    bucket.python(damaged, &[]);
+    let plan = |name: &str, more: &[&str]| {
+        let out = archive.text(name);
+        let plan = ["batch", "plan", "--root", "s3://views/ct", "--out", &out, "--preset", "bone"];
+        let views =
+            ["--where", "slices>=2", "--views", "planes", "--size", "64x48", "--products", "color", "--json"];
+        let (output, readers) = with_readers(&bucket, &[&plan[..], &views, more].concat());
+        assert_eq!(ok(&output)["series"], 2, "{}", String::from_utf8_lossy(&output.stderr));
+        (std::fs::read_to_string(archive.path(name)).unwrap(), readers)
+    };
+    let (isolated, readers) = plan("isolated.jsonl", &[]);
+    assert!(readers >= 2, "{readers} readers of 3 places");
+    let (own, readers) = plan("own.jsonl", &["--isolation", "off"]);
+    assert_eq!(readers, 0);
+    assert_eq!(isolated, own);
+
+    let run = |out: &str, more: &[&str]| {
+        let (manifest, folder) = (archive.text("own.jsonl"), archive.text(out));
+        let run = ["batch", "run", "--manifest", &manifest, "--out", &folder, "--json"];
+        let (output, readers) = with_readers(&bucket, &[&run[..], more].concat());
+        assert_eq!(ok(&output)["done"], 6, "{}", String::from_utf8_lossy(&output.stderr));
+        readers
+    };
+    assert!(run("isolated", &[]) >= 1);
+    assert_eq!(run("own", &["--isolation", "off"]), 0);
+    assert!(pictures(&archive.path("isolated")) == pictures(&archive.path("own")));
 }
 
 /// Invariant: Series in a bucket give the same jobs, pictures, ids and tags as in a folder; cached

@@ -6,7 +6,7 @@ use std::path::Path;
 use relief_base::Budget;
 use relief_dicom::Strictness;
 use relief_exchange::{Format, ReadContext};
-use relief_isolation::{IsolatedReader, IsolationError, SeriesChoice};
+use relief_isolation::{FoundSeries, IsolatedReader, IsolationError, Listing, SeriesChoice};
 use relief_session::{load_labels, most_label_voxels};
 
 use super::RELIEF;
@@ -99,14 +99,25 @@ fn a_child_reads_what_a_folder_has() {
     let uids: Vec<String> = found.series.iter().map(|entry| entry.uid().to_owned()).collect();
     assert_eq!(uids.len(), 2);
     let budget = Budget::default();
-    assert_eq!(reader().list(folder.path(), &budget).unwrap(), Some(uids.clone()));
+    let Listing::Series(listed) = reader().list(folder.path(), true, &budget).unwrap() else {
+        panic!("a folder of slices is no volume file")
+    };
+    for (listed, entry) in listed.iter().zip(&found.series) {
+        assert_eq!((&*listed.uid, &*listed.modality), (entry.uid(), entry.modality()));
+        assert_eq!((listed.dims, listed.pixel_mm), (entry.dims(), entry.pixel_spacing_mm()));
+        assert_eq!(listed.thickness_mm, entry.thickness_mm());
+        assert_eq!(listed.frame_of_reference.as_deref(), entry.frame_of_reference());
+        let sha256 = data_encoding::HEXLOWER.encode(&entry.content_sha256().unwrap());
+        assert_eq!(listed.sha256.as_deref(), Some(&*sha256));
+    }
+    assert_eq!(listed.len(), uids.len());
     for (uid, downsample) in uids.into_iter().zip([1u8, 3]) {
         let entry = found.select(Some(&uid)).unwrap();
         let own = relief_dicom::load(entry, Strictness::Lenient, &|_| ()).unwrap();
         let own = own.downsampled(downsample.into()).volume;
         let choice = SeriesChoice { uid: Some(uid), downsample, ..only() };
-        let wanted = |dims| {
-            assert_eq!(dims, own.grid().dims());
+        let wanted = |series: &FoundSeries| {
+            assert_eq!((series.dims, &series.sha256), (own.grid().dims(), &None));
             Ok(())
         };
         let (childs, _) = reader().series(folder.path(), choice, 1 << 30, &budget, wanted).unwrap();
@@ -115,7 +126,7 @@ fn a_child_reads_what_a_folder_has() {
 
     let volume = folder.path().join("head/labels.seg.nrrd");
     let own = relief_dicom::read_volume(&volume).unwrap().volume;
-    assert_eq!(reader().list(&volume, &budget).unwrap(), None);
+    assert_eq!(reader().list(&volume, true, &budget).unwrap(), Listing::VolumeFile(own.grid().clone()));
     let choice = SeriesChoice { takes_volume_files: true, ..only() };
     let (childs, _) = reader().series(&volume, choice, 1 << 30, &budget, |_| Ok(())).unwrap();
     assert_eq!(childs.volume.content_hash(), own.content_hash());
@@ -123,7 +134,7 @@ fn a_child_reads_what_a_folder_has() {
     assert!(refused.to_string().contains("no CT slices"), "{refused}");
 
     std::fs::create_dir(folder.path().join("JANE^DOE")).unwrap();
-    let refused = reader().list(&folder.path().join("JANE^DOE"), &budget).unwrap_err().to_string();
+    let refused = reader().list(&folder.path().join("JANE^DOE"), true, &budget).unwrap_err().to_string();
     assert!(refused.contains("no CT slices") && !refused.contains("JANE"), "{refused}");
 }
 
@@ -204,8 +215,8 @@ fn a_child_refuses_with_the_reason_and_ends_when_the_caller_leaves() {
     head(folder.path());
     let zip = folder.path().join("head.zip");
     zipped(&folder.path().join("head"), &zip);
-    let unwanted = reader().series(&zip, only(), 1 << 30, &Budget::default(), |dims| {
-        Err(format!("{dims:?} is too large for the adapter").into())
+    let unwanted = reader().series(&zip, only(), 1 << 30, &Budget::default(), |found| {
+        Err(format!("{:?} is too large for the adapter", found.dims).into())
     });
     assert!(matches!(unwanted, Err(IsolationError::Unwanted(_))));
     let budget = Budget::default();

@@ -105,7 +105,7 @@ impl Copies {
             }
         };
         let path = if is_one { folder.join(file_name(0, &objects[0])) } else { folder };
-        Ok(Local { path, _held: Some(Arc::new(held)) })
+        Ok(Local { path, held: Some(Arc::new(held)), isolated: self.options.isolated.clone() })
     }
 
     /// By everything that distinguishes one state of it from another.

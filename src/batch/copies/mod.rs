@@ -16,6 +16,7 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::isolation::IsolatedReader;
 use super::location::Location;
 
 /// How copies are kept.
@@ -29,6 +30,8 @@ pub struct CopiesOptions {
     pub endpoint: Option<String>,
     /// The places below which series may be, for paths that others name; anywhere if empty.
     pub roots: Vec<Location>,
+    /// Reads copies in child processes; this process reads them if absent.
+    pub isolated: Option<IsolatedReader>,
 }
 
 /// Copies of series in buckets.
@@ -44,7 +47,8 @@ pub struct Copies {
 pub struct Local {
     path: PathBuf,
     /// The lock of a copy.
-    _held: Option<Arc<std::fs::File>>,
+    held: Option<Arc<std::fs::File>>,
+    isolated: Option<IsolatedReader>,
 }
 
 impl Local {
@@ -52,6 +56,11 @@ impl Local {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// What has to read the files, if this process must not: those of a copy are not trusted.
+    pub(crate) fn isolated(&self) -> Option<&IsolatedReader> {
+        self.isolated.as_ref().filter(|_| self.held.is_some())
     }
 }
 
@@ -79,7 +88,7 @@ impl Copies {
             return Err(Error::new(ErrorKind::InvalidInput, reason));
         }
         match location {
-            Location::Local(path) => Ok(Local { path, _held: None }),
+            Location::Local(path) => Ok(Local { path, held: None, isolated: None }),
             #[cfg(feature = "cluster")]
             Location::Bucket { bucket, prefix } => self.copy(&bucket, &prefix),
             #[cfg(not(feature = "cluster"))]
@@ -161,7 +170,8 @@ mod tests {
         assert!(!is_in(&other) && !is_in(&root.join("link")) && !is_in(&root.join("../other")));
         assert!(is_in(Path::new("s3://archive/ct/one")) && is_in(Path::new("s3://archive/ct")));
         assert!(!is_in(Path::new("s3://archive/ctx")) && !is_in(Path::new("s3://other/ct/one")));
-        let options = CopiesOptions { folder: None, bytes: 0, endpoint: None, roots: roots.to_vec() };
+        let options =
+            CopiesOptions { folder: None, bytes: 0, endpoint: None, roots: roots.to_vec(), isolated: None };
         let refused = Copies::new(options).local(&other).unwrap_err();
         assert_eq!(refused.kind(), ErrorKind::InvalidInput);
     }

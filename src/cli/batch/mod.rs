@@ -1,5 +1,6 @@
 //! `relief batch`: many views of many series.
 
+mod copies;
 mod plan;
 #[cfg(feature = "cluster")]
 mod queue;
@@ -16,9 +17,10 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use crate::adapter::AdapterArguments;
-use crate::bucket::{BucketArguments, CopiesArguments};
+use crate::bucket::BucketArguments;
 use crate::memory::parse_bytes;
 use crate::output::{print_json, say};
+use copies::BucketSeriesArguments;
 use plan::{PlanArguments, write_plan};
 use relief_batch::run as run_jobs;
 use relief_batch::{
@@ -75,7 +77,7 @@ struct RunArguments {
     #[arg(long, value_name = "DIR")]
     out: Location,
     #[command(flatten)]
-    copies: CopiesArguments,
+    series: BucketSeriesArguments,
     /// One of N equal shares, from 0: all views of a series are in one
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
@@ -178,8 +180,8 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     }
     let share = MemoryShare::of(arguments.memory)?;
     let films = arguments.films.films(&jobs)?;
-    let out = arguments.copies.bucket.open(&arguments.out)?;
-    let copies = arguments.copies.copies();
+    let out = arguments.series.copies.bucket.open(&arguments.out)?;
+    let copies = arguments.series.copies_below(Vec::new())?;
     let options = Options { out, shard: arguments.shard, only, voxel_bytes: share.voxels, copies };
     let teller = RunProgress::new(jobs.len());
     let started = Instant::now();

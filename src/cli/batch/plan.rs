@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 
+use crate::batch::copies::BucketSeriesArguments;
 use crate::batch::shared::{bar, folder_of};
-use crate::bucket::CopiesArguments;
 use crate::output::{GrowingFile, print_json, say};
 use relief_annotation::ShownSets;
 use relief_batch::plan;
@@ -27,7 +27,7 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_name = "FILE.csv")]
     table: Option<PathBuf>,
     #[command(flatten)]
-    copies: CopiesArguments,
+    series: BucketSeriesArguments,
     /// Label map of each series: {} stands for the series' path, of a file without its ending, such
     /// as '{}/labels.seg.nrrd' or '{}.labels.nii.gz'; a table may name them in a column labels
     #[arg(long, value_name = "PATTERN", value_parser = parse_pattern)]
@@ -101,7 +101,7 @@ pub(crate) fn write_plan(arguments: &PlanArguments) -> anyhow::Result<ExitCode> 
     }
     let annotations = arguments.annotations.as_deref().map(|place| open_log(place, arguments)).transpose()?;
     let query = arguments.query.clone().unwrap_or_default();
-    let copies = arguments.copies.copies();
+    let copies = arguments.series.copies_below(Vec::new())?;
     let labels = arguments.labels.clone();
     let request = Request { root, labels, query, annotations, views, scene, orbit, products, copies };
     let bar = bar("looking for series");

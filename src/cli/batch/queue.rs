@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use serde_json::json;
 
+use super::copies::BucketSeriesArguments;
 use super::shared::{MemoryShare, TRY_AGAIN, read};
 use crate::adapter::AdapterArguments;
-use crate::bucket::CopiesArguments;
 use crate::memory::parse_bytes;
 use crate::output::{print_json, say};
 use relief_batch::work_queue;
@@ -59,7 +59,7 @@ pub(crate) struct WorkArguments {
     #[arg(long, value_name = "DIR")]
     out: Location,
     #[command(flatten)]
-    copies: CopiesArguments,
+    series: BucketSeriesArguments,
     /// Render series below this folder or s3://BUCKET/PREFIX alone, whatever a job names; may be given
     /// several times [default: anywhere, which trusts every publisher of the stream]
     #[arg(long, value_name = "DIR")]
@@ -136,8 +136,8 @@ pub(crate) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     let share = MemoryShare::of(arguments.memory)?;
     let mut renderer = share.open_renderer(&arguments.adapter)?;
     let options = WorkOptions {
-        out: arguments.copies.bucket.open(&arguments.out)?,
-        copies: arguments.copies.copies_below(arguments.root.clone()),
+        out: arguments.series.copies.bucket.open(&arguments.out)?,
+        copies: arguments.series.copies_below(arguments.root.clone())?,
         voxel_bytes: share.voxels,
         ack_wait: Duration::from_secs(arguments.ack_wait.into()),
         tries: arguments.tries,

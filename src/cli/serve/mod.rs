@@ -5,7 +5,6 @@
 
 mod faults;
 mod identity;
-mod isolation;
 mod load;
 mod readers;
 mod series;
@@ -23,6 +22,7 @@ use tokio::sync::oneshot;
 
 use crate::adapter::AdapterArguments;
 use crate::bucket::CopiesArguments;
+use crate::isolation::Isolation;
 use crate::memory::parse_bytes;
 use crate::output::say;
 use crate::source::SeriesOptions;
@@ -30,7 +30,6 @@ use crate::stop::stop_signal;
 use crate::track::scene::{read_beacon, read_camera};
 use faults::Fault;
 use identity::IdentityArguments;
-use isolation::Isolation;
 use load::{SeriesLoader, load_behind, places};
 use readers::Readers;
 use relief_base::sha256_of_file;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
-use crate::serve::isolation::Isolation;
+use crate::isolation::Isolation;
 use crate::serve::series::served;
 use relief_dicom::{LoadLimits, Strictness};
 use relief_exchange::{Format, Imported, ReadContext};
@@ -42,7 +42,7 @@ impl Readers {
 
     #[cfg(target_os = "linux")]
     fn isolated(is_used: bool, volumes: VolumeLimits) -> anyhow::Result<Self> {
-        use relief_isolation::{IsolatedReader, IsolationError, SeriesChoice};
+        use relief_isolation::{FoundSeries, IsolatedReader, IsolationError, SeriesChoice};
         const CANNOT: &str = "uploads cannot be read in a child process; --uploads off refuses them, --isolation off reads them in the server's own";
         let reader = IsolatedReader::of_this_program().context(CANNOT)?;
         if is_used {
@@ -56,7 +56,7 @@ impl Readers {
         let [for_labels, for_annotations] = [reader.clone(), reader.clone()];
         Ok(Self {
             series: Arc::new(move |path, budget| {
-                let wanted = |dims| volumes.plan(dims).map(drop).map_err(Into::into);
+                let wanted = |found: &FoundSeries| volumes.plan(found.dims).map(drop).map_err(Into::into);
                 Ok(reader.series(path, SeriesChoice::only(SUBJECT), voxel_bytes(), budget, wanted)?.0)
             }),
             labels: Arc::new(move |path, grid| {
@@ -76,7 +76,7 @@ impl Readers {
 
     #[cfg(not(target_os = "linux"))]
     fn isolated(_: bool, _: VolumeLimits) -> anyhow::Result<Self> {
-        anyhow::bail!(crate::serve::isolation::NEEDS_LINUX)
+        anyhow::bail!(crate::isolation::NEEDS_LINUX)
     }
 
     fn in_process(volumes: VolumeLimits) -> Self {

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::serve::isolation::Isolation;
+use crate::isolation::Isolation;
 use crate::source::{self, SeriesOptions};
 use relief_dicom::Strictness;
 use relief_session::LoadedVolume;
@@ -34,7 +34,7 @@ pub(crate) fn of_buckets(isolation: Isolation) -> anyhow::Result<Arc<dyn SeriesR
         #[cfg(target_os = "linux")]
         Isolation::On => Ok(Arc::new(isolated::InChild::new()?)),
         #[cfg(not(target_os = "linux"))]
-        Isolation::On => anyhow::bail!(crate::serve::isolation::NEEDS_LINUX),
+        Isolation::On => anyhow::bail!(crate::isolation::NEEDS_LINUX),
     }
 }
 
@@ -79,7 +79,7 @@ mod isolated {
     use super::*;
     use anyhow::Context;
     use relief_base::Budget;
-    use relief_isolation::{IsolatedReader, SeriesChoice};
+    use relief_isolation::{FoundSeries, IsolatedReader, Listing, SeriesChoice};
 
     /// What messages call a series, whose files may be named after patients.
     const SUBJECT: &str = "the series' files";
@@ -101,8 +101,12 @@ mod isolated {
             if options.series_uid.is_some() {
                 return Ok(vec![options.clone()]);
             }
-            let Some(uids) = self.0.list(path, &Budget::default())? else { return Ok(vec![options.clone()]) };
-            Ok(uids.iter().map(|uid| with_uid(options, uid)).collect())
+            match self.0.list(path, false, &Budget::default())? {
+                Listing::VolumeFile(_) => Ok(vec![options.clone()]),
+                Listing::Series(series) => {
+                    Ok(series.iter().map(|listed| with_uid(options, &listed.uid)).collect())
+                }
+            }
         }
 
         fn read(
@@ -117,9 +121,10 @@ mod isolated {
                 is_strict: options.strict,
                 downsample: options.downsample,
                 takes_volume_files: true,
+                hashes_content: false,
             };
             let voxel_bytes = source::limits().voxel_bytes;
-            let wanted = |dims| wanted(dims).map_err(Into::into);
+            let wanted = |found: &FoundSeries| wanted(found.dims).map_err(Into::into);
             let (loaded, warnings) = self.0.series(path, choice, voxel_bytes, &Budget::default(), wanted)?;
             for warning in warnings {
                 eprintln!("warning: {warning}");

@@ -1,11 +1,11 @@
-//! `--isolation`: whether files from outside are read in a child process.
+//! `--isolation` of servers and batches: whether files from outside are read in a child process.
 
 /// Where uploads and series from buckets are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Isolation {
     /// In a child process without rights
     On,
-    /// In the process of the server
+    /// In the process itself
     Off,
 }
 
@@ -17,4 +17,4 @@ impl Isolation {
 /// The error of `--isolation on` on other systems.
 #[cfg(not(target_os = "linux"))]
 pub(crate) const NEEDS_LINUX: &str =
-    "--isolation on needs Linux; this system can read uploads in the server's process alone";
+    "--isolation on needs Linux; this system reads them in the process itself: --isolation off";
