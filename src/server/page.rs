@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 69] = [
+const FILES: [(&str, &str, &str); 70] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -61,6 +61,7 @@ const FILES: [(&str, &str, &str); 69] = [
     ("/cine.js", SCRIPT, include_str!("page/cine.js")),
     ("/crop.css", STYLE, include_str!("page/crop.css")),
     ("/crop.js", SCRIPT, include_str!("page/crop.js")),
+    ("/planes.js", SCRIPT, include_str!("page/planes.js")),
     ("/slices.js", SCRIPT, include_str!("page/slices.js")),
     ("/light.js", SCRIPT, include_str!("page/light.js")),
     ("/surface.js", SCRIPT, include_str!("page/surface.js")),

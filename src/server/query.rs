@@ -21,9 +21,11 @@ enum ParameterType {
     Flag,
     /// A finite number.
     Number,
-    /// So many finite numbers with commas between them.
+    /// This number of finite numbers with commas between them.
     Numbers(usize),
-    /// So many whole numbers with commas between them.
+    /// Finite numbers with commas between them, any number of groups of this size.
+    Groups(usize),
+    /// This number of whole numbers with commas between them.
     Whole(usize),
     /// `true`, `false`, or names of sets of annotations with commas between them.
     Sets,
@@ -50,6 +52,8 @@ enum Target {
     Overlay,
     /// Centre and radius of a sphere.
     ClipSphere,
+    /// A point and a normal of each plane.
+    ClipPlanes,
 }
 
 /// One parameter of a scene.
@@ -109,6 +113,7 @@ const PARAMETERS: &[Parameter] = &[
     key("depth_fraction", ParameterType::Number, "depth.fraction"),
     to("clip_box_mm", ParameterType::Numbers(6), Target::ClipBox),
     to("clip_sphere_mm", ParameterType::Numbers(4), Target::ClipSphere),
+    to("clip_planes_mm", ParameterType::Groups(6), Target::ClipPlanes),
     key("cut_labels", ParameterType::Labels, "clip.labels.cut"),
     key("keep_labels", ParameterType::Labels, "clip.labels.keep"),
     key("label_tint", ParameterType::Number, "labels.tint"),
@@ -292,6 +297,7 @@ impl Parameter {
             Target::ClipBox => path == "clip.box_mm",
             Target::Overlay => path == "overlays",
             Target::ClipSphere => path.starts_with("clip.sphere"),
+            Target::ClipPlanes => path.starts_with("clip.planes"),
             Target::FieldOfView => path.ends_with(self.name),
             Target::View { camera, slice } => path == camera || path == slice,
             Target::Orbit(_) => path == self.name,
@@ -332,6 +338,12 @@ impl Parameter {
                 set(scene, "clip.sphere.center_mm", numbers[..3].into());
                 set(scene, "clip.sphere.radius_mm", numbers[3].clone());
             }
+            Target::ClipPlanes => {
+                let numbers = value.as_array().map_or(&[][..], Vec::as_slice);
+                let plane =
+                    |plane: &[Value]| serde_json::json!({ "point_mm": &plane[..3], "normal": &plane[3..] });
+                set(scene, "clip.planes", numbers.chunks_exact(6).map(plane).collect());
+            }
             Target::ClipBox => {
                 let corners = value.as_array().map_or(&[][..], Vec::as_slice).chunks(3);
                 set(scene, "clip.box_mm", corners.map(<[Value]>::to_vec).map(Value::from).collect());
@@ -355,6 +367,13 @@ impl ParameterType {
                 values
                     .map(Value::from)
                     .ok_or_else(|| malformed(name, text, &format!("{count} numbers, a,b,...")))
+            }
+            Self::Groups(size) => {
+                let values: Option<Vec<f64>> = text.split(',').map(finite).collect();
+                let values = values.filter(|values| values.len() % size == 0);
+                values
+                    .map(Value::from)
+                    .ok_or_else(|| malformed(name, text, &format!("groups of {size} numbers, a,b,...")))
             }
             Self::Labels => {
                 let label = |word: &str| {

@@ -249,6 +249,34 @@ def jobs(page, server):
     return found
 
 
+def cine(page, server):
+    """A slice pane plays its slices by its button and by the space bar, and the 3D view is cut by a plane."""
+    at = lambda: page.page.inner_text(".pane-axial .pane-at")
+    number = "Number(document.querySelector('.pane-axial .pane-at').innerText.split('/')[0])"
+    found = {"first": at()}
+    before = page.page.evaluate(number)
+    page.page.hover(".pane-axial")
+    page.page.click(".pane-axial .pane-cine")
+    page.wait(f"Math.abs({number} - {before}) >= 3", 60)
+    found["playing"] = page.page.get_attribute(".pane-axial .pane-cine", "aria-pressed")
+    page.shot("cine")
+    page.page.focus(".pane-axial")
+    page.key(" ")
+    found["stopped"] = page.page.get_attribute(".pane-axial .pane-cine", "aria-pressed")
+    page.still()
+    found["last"] = at()
+    page.page.click("#crop-group summary")
+    page.page.click("#crop-add-plane")
+    page.still()
+    found["plane"] = page.asked["volume"].get("clip_planes_mm")
+    page.shot("plane")
+    page.page.click("#crop-reset")
+    page.still()
+    found["whole"] = page.asked["volume"].get("clip_planes_mm")
+    page.page.click("#crop-group summary")
+    return found
+
+
 def main():
     steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
     server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "hands.db"))
@@ -257,7 +285,7 @@ def main():
             browser = launched(playwright, CHROMIUM)
             page = Page(browser, server, "Ada Berg")
             found = {}
-            for name, step in [("links", links), ("painting", painting), ("filling", filling), ("curve", curve), ("sight", sight), ("jobs", jobs)]:
+            for name, step in [("links", links), ("painting", painting), ("filling", filling), ("curve", curve), ("sight", sight), ("jobs", jobs), ("cine", cine)]:
                 if not steps or name in steps:
                     found[name] = step(page, server)
             if not steps or "fingers" in steps:

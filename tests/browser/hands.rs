@@ -205,3 +205,16 @@ fn hanging_tasks_are_displayed_and_cancelled() {
     assert_eq!(jobs["items"][0], jobs["items"][1]);
     assert_eq!(jobs["mesh"], "mesh", "the next one goes through");
 }
+
+#[test]
+fn slices_play_and_a_plane_cuts_the_3d_view() {
+    let Some(seen) = seen("cine and clip planes of the page for annotations") else { return };
+    let cine = &seen["cine"];
+    assert_eq!((&cine["playing"], &cine["stopped"]), (&json!("true"), &json!("false")), "{cine}");
+    assert_ne!(cine["first"], cine["last"], "{cine}");
+    let plane: Vec<f64> =
+        cine["plane"].as_str().unwrap().split(',').map(|part| part.parse().unwrap()).collect();
+    assert_eq!(plane.len(), 6, "{cine}");
+    assert!((length(&plane[3..]) - 1.0).abs() < 1e-3, "{cine}");
+    assert_eq!(cine["whole"], Value::Null);
+}

@@ -78,6 +78,22 @@ fn the_volume_is_cropped_measured_and_played() {
     let words = tools["places"][1].as_str().unwrap();
     let mm = words.split("Distance").nth(1).unwrap().trim().split(' ').next().unwrap();
     assert!((mm.parse::<f64>().unwrap() - distance(&places[0], &places[1])).abs() < 0.06, "{words}");
+    // The cut through the centre of the tissue faces the front, so that the pick lies on it or behind.
+    let [plane, moved] = ["plane", "plane_moved"].map(|key| {
+        numbers(&json!(
+            tools[key]
+                .as_str()
+                .unwrap()
+                .split(',')
+                .map(|part| part.parse::<f64>().unwrap())
+                .collect::<Vec<_>>()
+        ))
+    });
+    assert_eq!(plane, [0.0, -1.0, 0.0, 0.0], "{tools}");
+    assert_eq!(moved, [0.0, -1.0, 0.0, 0.5], "an arrow key is 0.5 mm: {tools}");
+    assert!(lps(&tools["behind"])[1] > places[0][1] + 20.0, "{tools}");
+    assert_eq!(tools["no_plane"], Value::Null);
+    assert!(number(&tools["removable"]) < 0.0, "the button lies inside the panel: {tools}");
     assert!(tools["preset"].as_str().unwrap().contains("vessels") && tools["none"] == true, "{tools}");
     assert_eq!((&tools["playing"], &tools["stopped"]), (&json!("true"), &json!("false")));
 }

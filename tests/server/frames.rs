@@ -113,6 +113,12 @@ async fn query_and_body_give_the_same_frame_and_tag() {
                     "depth": { "rule": "threshold", "fraction": 0.3 } }),
         ),
         (
+            "clip_planes_mm=0,0,0,0,1,0,5,0,0,-1,0,0.5&clip_sphere_mm=0,0,10,4",
+            json!({ "clip": { "planes": [ { "point_mm": [0, 0, 0], "normal": [0, 1, 0] },
+                                          { "point_mm": [5, 0, 0], "normal": [-1, 0, 0.5] } ],
+                              "sphere": { "center_mm": [0, 0, 10], "radius_mm": 4 } } }),
+        ),
+        (
             "layout=color&size_px=64,32&clip_box_mm=-5,-5,-5,5,5,5&near_mm=100&far_mm=400&vz=7",
             json!({ "size_px": [64, 32], "clip": { "box_mm": [[-5, -5, -5], [5, 5, 5]] },
                     "display": { "layout": "color", "near_mm": 100, "far_mm": 400, "profile": { "vz": 7 } } }),

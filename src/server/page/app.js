@@ -3,6 +3,7 @@
 import { recall, remember } from "./address.js";
 import { Cine } from "./cine.js";
 import { Crop } from "./crop.js";
+import { Planes } from "./planes.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
@@ -38,6 +39,8 @@ const crop = new Crop({
   panel: $("crop-sides"), layer: $("crop-layer"), group: $("crop-group"), state, shown: () => stage.shown, changed: setCrop,
 });
 
+const planes = new Planes({ list: $("crop-planes"), button: $("crop-add-plane"), state, changed: setCrop });
+
 function setCrop(change, moving = false) {
   Object.assign(state, change);
   refresh({ moving });
@@ -46,6 +49,7 @@ function setCrop(change, moving = false) {
 function drawn() {
   picks.draw();
   crop.draw();
+  planes.draw();
   cine.shown();
 }
 
@@ -276,7 +280,7 @@ function showState() {
   grid.choose(chosen);
   $("purpose").textContent = presets[chosen].purpose;
   $("table").checked = state.table === "keep";
-  $("crop-group").open = state.crop !== null || state.table === "keep";
+  $("crop-group").open = state.crop !== null || state.planes.length > 0 || state.table === "keep";
   describeSurface(state);
   describeLight(state);
   describeHeader();
@@ -284,7 +288,10 @@ function showState() {
 }
 
 $("table").addEventListener("change", ({ target }) => setCrop({ table: target.checked ? "keep" : "remove" }));
-$("crop-reset").addEventListener("click", () => setCrop({ crop: null }));
+$("crop-reset").addEventListener("click", () => {
+  setCrop({ crop: null, planes: [] });
+  planes.draw();
+});
 $("reset").addEventListener("click", reset);
 $("full-screen").addEventListener("click", fullScreen);
 $("help-button").addEventListener("click", showHelp);
@@ -348,7 +355,7 @@ function showVolume(volume) {
     state.slice = { ...state.slice, at: null };
     state.pose = { ...state.pose, shift: null };
     state.labels = { ...state.labels, cut: [] };
-    state.crop = null;
+    Object.assign(state, { crop: null, planes: [] });
   }
   cine.stop();
   follow(volume);

@@ -1,9 +1,10 @@
-// Crop: the visible part of the volume, a box with a slider and a handle for each side; and the
-// visibility of the table.
+// Crop: the visible part of the volume, a box with a slider and a handle for each side, and clip
+// planes; and the visibility of the table.
 //
 // Patient coordinates (LPS), mm. A box is its lowest and its highest corner; null is the whole
 // volume.
 
+import { keptPlanes, planesQuery, recalledPlanes } from "./planes.js";
 import { Projection } from "./projection.js";
 import { clamp } from "./vectors.js";
 
@@ -16,21 +17,25 @@ const STEP_MM = 2;
 const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 /** Query parameters of the visible part of the volume. */
-export function cropQuery({ crop, table }) {
+export function cropQuery(state) {
+  const { crop, table } = state;
   const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
-  return table === "keep" ? { ...box, table } : box;
+  return { ...box, ...planesQuery(state), ...(table === "keep" ? { table } : {}) };
 }
 
-/** The part of the address for the crop box and the table; defaults are left out. */
-export function keptCrop({ crop, table }) {
-  return { ...(crop ? { crop: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {}), ...(table === "keep" ? { table } : {}) };
+/** The part of the address for the crop box, the planes and the table; defaults are left out. */
+export function keptCrop(state) {
+  const { crop, table } = state;
+  const box = crop ? { crop: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
+  return { ...box, ...keptPlanes(state), ...(table === "keep" ? { table } : {}) };
 }
 
-/** Reads box and table from an address. */
+/** Reads box, planes and table from an address. */
 export function recalledCrop(words) {
   const mm = (words.get("crop") ?? "").split(",").map(Number);
   const isBox = words.get("crop") && mm.length === 6 && mm.every(Number.isFinite) && [0, 1, 2].every((i) => mm[i] < mm[i + 3]);
-  return { crop: isBox ? [mm.slice(0, 3), mm.slice(3)] : null, table: words.get("table") === "keep" ? "keep" : "remove" };
+  const table = words.get("table") === "keep" ? "keep" : "remove";
+  return { crop: isBox ? [mm.slice(0, 3), mm.slice(3)] : null, planes: recalledPlanes(words), table };
 }
 
 /** The box with a side moved to `mm`, within the volume; null if it is the whole volume again. */

@@ -24,6 +24,8 @@ export const state = {
   labels: { ...ALL_SHOWN },
   /** The visible part: its lowest and highest corner in patient coordinates, mm; null is the whole volume. */
   crop: null,
+  /** Clip planes, see `planes.js`. */
+  planes: [],
   /** Whether the table is shown: "keep" or "remove". */
   table: "remove",
   fieldOfView: 22,

@@ -249,7 +249,9 @@ impl Tracker {
             Estimate::Plain { filter, t_ns } => Some((filter.pose().inverse(), *t_ns)),
         };
         let earlier = last.map(|(pose, t_ns)| (pose, seconds_between(t_ns, frame.t_ns)));
-        let earlier = earlier.filter(|(_, seconds)| *seconds < HINT_S).map(|(pose, seconds)| EarlierPose {
+        // Without a filter a frame depends on no other one.
+        let is_hint = |seconds: f64| seconds < HINT_S && self.options.filter != FilterKind::None;
+        let earlier = earlier.filter(|(_, seconds)| is_hint(*seconds)).map(|(pose, seconds)| EarlierPose {
             pose,
             // A single view is known to a degree and 20 mm, and a hand turns by a radian and moves
             // by 0.5 m in a second.

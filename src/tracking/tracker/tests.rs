@@ -81,6 +81,30 @@ fn a_hand_is_followed_within_the_covariance() {
     assert!(rms(&plain, 3..6) < rms(&single, 3..6), "{} {}", rms(&plain, 3..6), rms(&single, 3..6));
 }
 
+/// Without a filter a frame's pose is the same whatever frames came before it, also after frames
+/// without a pose. Earlier reports of the accelerometer change where the solver starts, and so
+/// the last bits.
+#[test]
+fn frames_without_a_filter_depend_on_no_other_frame() {
+    let mut simulation = Simulation::new(Beacon::recommended(), 5);
+    simulation.hidden =
+        vec![HiddenLed { led: 1, seconds: [0.5, 1.0] }, HiddenLed { led: 2, seconds: [1.0, 1.6] }];
+    let reports = simulation.record(&PointingHand::before(&simulation.beacon, 1300.0, 5), 3.0);
+    let options = TrackerOptions { filter: FilterKind::None, ..TrackerOptions::default() };
+    let all = track(&simulation, &reports, options);
+    let missed = all.samples.iter().filter(|(sample, _)| sample.pose.is_none()).count();
+    assert!((50..150).contains(&missed), "{missed}: frames of three LEDs on their own");
+    let third: Vec<_> = reports.iter().skip(1).step_by(3).cloned().collect();
+    let alone = track(&simulation, &third, options);
+    for (sample, _) in &alone.samples {
+        let (same, _) = all.samples.iter().find(|(other, _)| other.t_ns == sample.t_ns).unwrap();
+        assert_eq!((sample.state, sample.leds), (same.state, same.leds));
+        let difference = sample.pose.zip(same.pose).map_or(0.0, |(a, b)| error(&a, &b).norm());
+        assert!(difference < 1e-6, "{difference}");
+    }
+    assert!(alone.samples.len() > 80, "{}", alone.samples.len());
+}
+
 #[test]
 fn a_gyroscope_steadies_the_turn() {
     let simulation = Simulation { gyroscope: true, ..Simulation::new(Beacon::recommended(), 2) };

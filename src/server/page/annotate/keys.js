@@ -21,6 +21,7 @@ export function onKeys(page) {
     else if (event.key === "-") pane.zoom(1 / 1.2);
     else if (event.key === "Home") pane.home();
     else if (event.key.toLowerCase() === "z") pane.enlarge();
+    else if (event.key === " " && pane.cine) pane.cine.toggle();
     else return false;
     return true;
   };

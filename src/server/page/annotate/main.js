@@ -214,7 +214,7 @@ hand.placing.commit = async (change, spot) => {
 
 // ---------------------------------------------------------------- effects of changes
 
-const isMoving = () => document.querySelector(".pane.turning") !== null;
+const isMoving = () => document.querySelector(".pane.turning") !== null || panes.some((pane) => pane.cine?.playing);
 model.on("cursor window", () => panes.slice(1).forEach((pane) => pane.refresh(isMoving())));
 model.on("pose", () => {
   panes[0].refresh(isMoving());
@@ -259,8 +259,9 @@ $("set").addEventListener("change", async ({ target }) => {
 
 async function show(volume) {
   live?.end();
+  panes.forEach((pane) => pane.cine?.stop());
   model.volume = volume;
-  model.crop = null;
+  Object.assign(model, { crop: null, planes: [] });
   model.items = new Map();
   model.seq = 0;
   annotations = new Annotations(volume, model.author);

@@ -61,6 +61,7 @@ export class Model {
   pose = { ...HOME };
   /** The part of the volume that the 3D view shows, and whether it shows the table; see `crop.js`. */
   crop = null;
+  planes = [];
   table = "remove";
   /** The 3D view is never a slice. */
   slice = { plane: "" };

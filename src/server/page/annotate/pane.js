@@ -119,6 +119,7 @@ export class Pane {
     this.root.dataset.pictures = Number(this.root.dataset.pictures ?? 0) + 1;
     this.root.dataset.still = String(!picture.moving);
     this.draw();
+    this.cine?.shown();
   }
 
   /** Draws a picture on the whole canvas. */

@@ -1,6 +1,7 @@
 // The choice of volume, author, set and cursor, and the settings of the views.
 
 import { Crop } from "/crop.js";
+import { Planes } from "/planes.js";
 import { request } from "/view.js";
 import { places } from "./geometry.js";
 
@@ -52,7 +53,7 @@ export const pageFacts = {
   },
 };
 
-/** Crop and table of the 3D view. */
+/** Crop, clip planes and table of the 3D view. */
 function onCrop(model, pane) {
   const layer = document.createElement("div");
   Object.assign(layer, { className: "crop-layer", hidden: true });
@@ -64,7 +65,11 @@ function onCrop(model, pane) {
   };
   pane.crop = new Crop({ panel: $("crop-sides"), layer, group: $("crop-group"), state: model, shown: () => pane.shown, changed });
   $("table").addEventListener("change", ({ target }) => changed({ table: target.checked ? "keep" : "remove" }));
-  $("crop-reset").addEventListener("click", () => changed({ crop: null }));
+  pane.planes = new Planes({ list: $("crop-planes"), button: $("crop-add-plane"), state: model, changed });
+  $("crop-reset").addEventListener("click", () => {
+    changed({ crop: null, planes: [] });
+    pane.planes.draw();
+  });
 }
 
 /** Fills and wires the settings of the views. */

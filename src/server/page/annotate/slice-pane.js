@@ -1,15 +1,16 @@
 // A slice through the cursor: axial, sagittal, coronal, or an oblique one that follows the 3D view.
 
-import { PLANES, extent, sliceNumber, sliceStep, windowed } from "/slices.js";
+import { Cine } from "/cine.js";
+import { PLANES, advanced, extent, sliceNumber, sliceStep, windowed } from "/slices.js";
 import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
 import { crossSvg, itemsSvg } from "./overlay.js";
-import { Pane } from "./pane.js";
+import { Pane, element } from "./pane.js";
 import { SliceProjection } from "./projections.js";
 
 export const PLANE_COLORS = { axial: "#ff7d70", sagittal: "#f2cf5b", coronal: "#7ddc84", oblique: "#b99cff" };
 
 const round = (values, digits = 3) => values.map((value) => Number(value.toFixed(digits)));
-const KEYS = "Arrow keys move the cursor, with Ctrl the picture, Page Up and Page Down go through slices, plus and minus zoom, Enter places a point at the cursor.";
+const KEYS = "Arrow keys move the cursor, with Ctrl the picture, Page Up and Page Down go through slices, Space plays them, plus and minus zoom, Enter places a point at the cursor.";
 
 /** Number of the slice, and its position as a letter and mm. */
 function placeWords(volume, axis, mm) {
@@ -31,6 +32,15 @@ export class SlicePane extends Pane {
   constructor(host, name, parts) {
     const title = name[0].toUpperCase() + name.slice(1);
     super(host, { name, title, keys: KEYS }, parts);
+    if (PLANES[name]) this.#addCine(title);
+  }
+
+  #addCine(title) {
+    const button = element("button", { className: "pane-cine", type: "button", title: `Play the slices of ${title} (Space)` }, "Play");
+    button.setAttribute("aria-pressed", "false");
+    this.root.append(button);
+    const next = () => this.model.moveCursor(advanced({ plane: this.name, at: this.model.cursor.mm }, this.model.volume).at);
+    this.cine = new Cine({ button, rate: document.getElementById("cine-rate"), next, rest: () => this.refresh() });
   }
 
   /** The plane to request: through the cursor, showing the whole volume magnified by the zoom. */

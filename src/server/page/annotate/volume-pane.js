@@ -55,6 +55,7 @@ export class VolumePane extends Pane {
     this.at.textContent = `${azimuth.toFixed(0)}° ${elevation.toFixed(0)}°`;
     this.hand.structures?.drawVolume(this);
     this.crop?.draw();
+    this.planes?.draw();
   }
 
   /** The visible surface at a position in the picture; null if there is none. */
