@@ -45,7 +45,7 @@ async fn parameters_are_refused_by_name_value_and_range() {
         ("occlusion=1&occlusion_radius_mm=0", 422, "occlusion_radius_mm", &["is 0", "0.5 to 500"]),
         ("clip_box_mm=5,5,5,-5,-5,-5", 422, "clip_box_mm", &["min < max"]),
         ("clip_planes_mm=1,2,3,4,5", 400, "clip_planes_mm", &["1,2,3,4,5", "groups of 6 numbers"]),
-        ("clip_planes_mm=0,0,0,0,0,0", 422, "clip_planes_mm", &["normal"]),
+        ("clip_planes_mm=0,0,0,0,0,0", 422, "clip_planes_mm", &["a direction"]),
         ("layout=plasma", 400, "layout", &["plasma", "wowvx"]),
         ("profile=vhs", 400, "profile", &["vhs", "philips-42"]),
         ("layout=wowvx-4k&profile=philips-20", 422, "profile", &["wowvx-4k"]),
