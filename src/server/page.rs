@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 70] = [
+const FILES: [(&str, &str, &str); 73] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -60,8 +60,11 @@ const FILES: [(&str, &str, &str); 70] = [
     ("/labels.js", SCRIPT, include_str!("page/labels.js")),
     ("/cine.js", SCRIPT, include_str!("page/cine.js")),
     ("/crop.css", STYLE, include_str!("page/crop.css")),
+    ("/volumes.css", STYLE, include_str!("page/volumes.css")),
     ("/crop.js", SCRIPT, include_str!("page/crop.js")),
     ("/planes.js", SCRIPT, include_str!("page/planes.js")),
+    ("/thumbnails.js", SCRIPT, include_str!("page/thumbnails.js")),
+    ("/volumes.js", SCRIPT, include_str!("page/volumes.js")),
     ("/slices.js", SCRIPT, include_str!("page/slices.js")),
     ("/light.js", SCRIPT, include_str!("page/light.js")),
     ("/surface.js", SCRIPT, include_str!("page/surface.js")),

@@ -5,7 +5,9 @@ usage: views.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
 
 import json
 import pathlib
+import subprocess
 import sys
+import time
 import urllib.parse
 
 import axe_playwright_python
@@ -247,6 +249,44 @@ def looks(browser, server):
     return found
 
 
+def menus(browser):
+    """Two volumes: both pages list them with pictures, and choosing one displays it."""
+    other = pathlib.Path(FOLDER) / "slab"
+    subprocess.run([RELIEF, "phantom", "--kind", "slab", "--size", "48", "--out", str(other)], check=True, stdout=subprocess.DEVNULL)
+    server = Server(RELIEF, SERIES, "--series", str(other), "--annotations", str(pathlib.Path(FOLDER) / "menus.db"))
+    loaded = "document.querySelectorAll('.volumes img.there').length === 2"
+    found = {}
+    try:
+        while len(server.get("/v1/volumes")["volumes"]) < 2:
+            time.sleep(0.1)
+        page = Window(browser, server, "/")
+        settled(page)
+        page.wait(loaded, 60)
+        found["names"] = page.page.locator("#volumes label").all_inner_texts()
+        found["first"] = page.page.inner_text("#volume-facts")
+        page.page.locator("#volumes input:not(:checked)").check(force=True)
+        page.wait(f"document.getElementById('volume-facts').innerText !== {json.dumps(found['first'])}")
+        found["second"] = page.page.inner_text("#volume-facts")
+        settled(page)
+        page.shot("menu")
+        found["problems"] = page.problems
+        page.context.close()
+        page = Page(browser, server, "Ada Berg")
+        page.page.click("#volume-menu summary")
+        page.wait(loaded, 60)
+        page.shot("menu-annotate")
+        found["axe"] = accessibility(page)
+        found["before"] = page.page.inner_text("#volume-menu summary")
+        page.page.locator("#volumes input:not(:checked)").check(force=True)
+        page.wait(f"document.querySelector('#volume-menu summary').innerText !== {json.dumps(found['before'])}")
+        found["closed"] = page.page.locator("#volumes").is_hidden()
+        found["problems"] += page.problems
+        page.context.close()
+    finally:
+        server.kill()
+    return found
+
+
 def main():
     steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
     wanted = lambda step: not steps or step in steps
@@ -258,6 +298,8 @@ def main():
             for name, step in [("address", address), ("hands", hands), ("tools", tools), ("looks", looks)]:
                 if wanted(name):
                     found[name] = step(browser, server)
+            if wanted("menus"):
+                found["menus"] = menus(browser)
             if wanted("empty"):
                 found["empty"] = empty(browser)
         print(json.dumps(found))

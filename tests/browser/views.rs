@@ -98,6 +98,17 @@ fn the_volume_is_cropped_measured_and_played() {
     assert_eq!((&tools["playing"], &tools["stopped"]), (&json!("true"), &json!("false")));
 }
 
+#[test]
+fn volumes_are_chosen_by_their_pictures() {
+    let Some(seen) = seen("menus of volumes") else { return };
+    let menus = &seen["menus"];
+    assert_eq!(menus["problems"], json!([]), "{menus}");
+    assert_eq!(menus["names"].as_array().unwrap().len(), 2, "{menus}");
+    assert!(menus["names"].to_string().contains(" × "), "{menus}");
+    assert_ne!(menus["first"], menus["second"], "{menus}");
+    assert_eq!((&menus["closed"], &menus["axe"]["violations"]), (&json!(true), &json!([])), "{menus}");
+}
+
 /// The position in the words of a pick.
 fn lps(words: &Value) -> Vec<f64> {
     let line = words.as_str().unwrap().split("LPS").nth(1).unwrap().lines().next().unwrap();

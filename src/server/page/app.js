@@ -4,6 +4,7 @@ import { recall, remember } from "./address.js";
 import { Cine } from "./cine.js";
 import { Crop } from "./crop.js";
 import { Planes } from "./planes.js";
+import { VolumeMenu } from "./volumes.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
@@ -28,7 +29,8 @@ let volumes = [];
 const stage = new Stage({ asked, drawn });
 const picks = new Picks(() => stage.shown);
 const preview = new Preview($("preview"), panel.querySelectorAll('input[name="preview"]'), state, { chosen: remember, fail: showFailure });
-const grid = new PresetGrid($("presets"), $("presets"), () => stage.isBusy);
+const grid = new PresetGrid($("presets"), () => stage.isBusy);
+const volumeMenu = new VolumeMenu($("volumes"), { chosen: showVolume, isBusy: () => stage.isBusy });
 const refresh = (how) => stage.refresh(how);
 const cine = new Cine({
   button: $("cine"), rate: $("cine-rate"), rest: refresh,
@@ -232,7 +234,6 @@ panel.addEventListener("change", ({ target }) => {
   else if (target.name === "preset") return setPreset(Number(target.value));
   else if (target.id === "depth-filter") state.depthFilter = target.value;
   else if (target.id === "depth-rule") state.depthRule = target.value;
-  else if (target.id === "volume") return showVolume(volumes[target.selectedIndex]);
   else if (target.id === "layout" || target.id === "profile") {
     state[target.id] = target.value;
     preview.changed();
@@ -362,7 +363,7 @@ function showVolume(volume) {
   $("empty").hidden = true;
   $("notice").hidden = true;
   showSegments(volume, state.labels);
-  $("volume").value = volume.id;
+  volumeMenu.choose(volume.id);
   $("volume-facts").textContent = facts(volume);
   picks.forget();
   refresh();
@@ -373,11 +374,9 @@ function showVolume(volume) {
 async function listVolumes() {
   const listed = await (await request("/v1/volumes")).json();
   volumes = listed.volumes;
-  $("volume").replaceChildren(
-    ...volumes.map(({ id, name }) => option(id, name)),
-  );
+  volumeMenu.fill(volumes);
   $("volume-field").hidden = volumes.length < 2;
-  if (state.volume) $("volume").value = state.volume.id;
+  if (state.volume) volumeMenu.choose(state.volume.id);
   return listed.loading;
 }
 

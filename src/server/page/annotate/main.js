@@ -293,7 +293,8 @@ async function start() {
     const { volumes, loading } = await (await request("/v1/volumes")).json();
     const wanted = new URLSearchParams(location.hash.slice(1)).get("volume");
     if (volumes.length) {
-      pageFacts.volumes(volumes, (volume) => show(volume).catch(fail));
+      const isBusy = () => panes.some((pane) => pane.fetcher.isBusy);
+      pageFacts.volumes(volumes, (volume) => show(volume).catch(fail), isBusy);
       return show(volumes.find(({ id }) => id === wanted) ?? volumes[0]);
     }
     if (!loading) return say("No volume is loaded. Start the server with --series, or add one on the page at /, and come back.", { error: true, stays: true });

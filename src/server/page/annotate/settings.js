@@ -3,6 +3,7 @@
 import { Crop } from "/crop.js";
 import { Planes } from "/planes.js";
 import { request } from "/view.js";
+import { VolumeMenu } from "/volumes.js";
 import { places } from "./geometry.js";
 
 const $ = (id) => document.getElementById(id);
@@ -19,18 +20,23 @@ export const pageFacts = {
     model.changed("window");
   },
 
-  volume({ id, dims, spacing_mm: spacing, hu_range: [low, high] }) {
+  volume({ id, name, dims, spacing_mm: spacing, hu_range: [low, high] }) {
     const size = `${dims.join(" × ")} voxels`;
     const step = `${spacing.map((value) => Number(value.toFixed(3))).join(" × ")} mm`;
     $("volume-facts").textContent = [size, step, `${low} to ${high} HU`].join(DOT);
-    $("volume").value = id;
+    this.menu?.choose(id);
+    $("volume-menu").querySelector("summary").textContent = name;
     history.replaceState(null, "", `#volume=${id}`);
   },
 
-  volumes(volumes, choose) {
-    $("volume").replaceChildren(...volumes.map(({ id, name }) => new Option(name, id)));
+  volumes(volumes, choose, isBusy) {
+    const chosen = (volume) => {
+      choose(volume);
+      $("volume-menu").open = false;
+    };
+    this.menu = new VolumeMenu($("volumes"), { chosen, isBusy });
+    this.menu.fill(volumes);
     $("volume-field").hidden = volumes.length < 2;
-    $("volume").addEventListener("change", ({ target }) => choose(volumes[target.selectedIndex]));
   },
 
   author({ author }) {
