@@ -60,24 +60,26 @@ impl Bands {
         Self::of(AdapterKind::Software)
     }
 
-    /// Casts all bands of a region: calls `cast` with the first row of each and its number of rows,
-    /// and asks after each whether to continue.
+    /// Casts the bands of a region: calls `cast` with the first row of each and its number of rows,
+    /// and asks after each whether to continue. `done` counts the rows of the region, from its top,
+    /// that are cast: by an earlier call on entry, in all on return.
     ///
     /// # Errors
     /// When the caller cancels.
     pub(super) fn each(
         self,
         region: Region,
+        done: &mut u32,
         mut cast: impl FnMut(u32, u32),
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
-        let (mut bands, mut done) = (self, 0);
-        while let Some(band) = bands.next(region, done) {
+        let mut bands = self;
+        while let Some(band) = bands.next(region, *done) {
             let since = Instant::now();
             cast(band.first_row, band.rows);
-            done += band.rows;
+            *done += band.rows;
             bands = bands.after(since.elapsed());
-            watch.band_done(false)?;
+            watch.band_done(*done < region.size[1])?;
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! From a request to a picture: what is looked up is prepared, then rows are cast in bands.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use relief_lanes::{Kernel, Level, OneLane, dispatch};
@@ -21,7 +21,7 @@ use super::scene::Job;
 use super::tiles::{LayerMut, Rows};
 use crate::illumination::{Cells, LightQuantity};
 use crate::limits::depth_limits;
-use relief_volume::Volume;
+use relief_volume::{ContentHash, Volume};
 
 /// Rows of pixels that a thread takes at a time.
 const ROWS: u32 = 4;
@@ -52,6 +52,38 @@ struct Layer {
     depth_mm: Vec<f32>,
 }
 
+/// A picture of which some rows are cast.
+struct Picture {
+    front: Layer,
+    back: Option<Layer>,
+    /// Rows of its region that are cast.
+    rows: u32,
+    /// Time that they took.
+    spent: Duration,
+}
+
+/// A picture that was cancelled between two bands. An equal request continues it.
+pub(super) struct Unfinished {
+    volume: ContentHash,
+    request: RenderRequest,
+    skipping: EmptySpaceSkipping,
+    picture: Picture,
+}
+
+impl Unfinished {
+    /// Whether it shows a volume.
+    pub(super) fn is_of(&self, volume: ContentHash) -> bool {
+        self.volume == volume
+    }
+}
+
+impl Picture {
+    fn new(request: &RenderRequest) -> Self {
+        let back = request.has_back_layer().then(|| Layer::new(request));
+        Self { front: Layer::new(request), back, rows: 0, spent: Duration::ZERO }
+    }
+}
+
 impl Width {
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
@@ -76,24 +108,30 @@ impl Layer {
 }
 
 impl Order<'_> {
-    /// Casts the picture, without overlays.
+    /// Casts the picture, without overlays. Continues `unfinished` if that is of an equal request;
+    /// leaves the rows of a cancelled picture there.
     ///
     /// # Errors
     /// When `watch` breaks off.
-    pub(super) fn cast(self, cache: &mut Cache, watch: &mut Watch<'_>) -> Result<RenderedFrame, RenderError> {
+    pub(super) fn cast(
+        self,
+        cache: &mut Cache,
+        unfinished: &mut Option<Unfinished>,
+        watch: &mut Watch<'_>,
+    ) -> Result<RenderedFrame, RenderError> {
         let Self { volume, request, skipping, plan, .. } = self;
         let start = Instant::now();
         let (_, is_new) = cache.prepare(volume, request, plan);
         let (cells, is_filled) = self.light(cache)?;
         let (prepared, _) = cache.prepare(volume, request, plan);
         let upload_ms = if is_new || is_filled { milliseconds(start) } else { 0.0 };
-        let start = Instant::now();
+        let mut picture = self.begin(unfinished);
+        let start = Instant::now().checked_sub(picture.spent).unwrap_or_else(Instant::now);
         let region = match skipping {
             EmptySpaceSkipping::Off => Region::whole(request.size_px),
             EmptySpaceSkipping::On => Region::of(request, volume.grid(), &prepared.bricks),
         };
-        let mut front = Layer::new(request);
-        let mut back = request.has_back_layer().then(|| Layer::new(request));
+        let Picture { front, back, rows, .. } = &mut picture;
         let Prepared { looks, map, .. } = prepared;
         let job = Job { volume, request, looks, map, cells: &cells, skipping };
         let width = request.size_px[0] as usize;
@@ -111,7 +149,14 @@ impl Order<'_> {
                 .collect();
             rows.into_par_iter().with_max_len(1).for_each(|rows| self.width.run(rows));
         };
-        self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, cast, watch)?;
+        let outcome = self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, rows, cast, watch);
+        if let Err(error) = outcome {
+            let picture = Picture { spent: start.elapsed(), ..picture };
+            let (volume, request) = (volume.content_hash(), request.clone());
+            *unfinished = Some(Unfinished { volume, request, skipping, picture });
+            return Err(error);
+        }
+        let Picture { front, back, .. } = picture;
         Ok(RenderedFrame {
             size_px: request.size_px,
             color_rgba: front.color_rgba,
@@ -122,6 +167,15 @@ impl Order<'_> {
             nearest_ball_mm: None,
             timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
         })
+    }
+
+    /// The rows that an equal request left, or none.
+    fn begin(self, unfinished: &mut Option<Unfinished>) -> Picture {
+        let hash = self.volume.content_hash();
+        let is_same = |kept: &mut Unfinished| {
+            kept.is_of(hash) && kept.skipping == self.skipping && kept.request == *self.request
+        };
+        unfinished.take_if(is_same).map_or_else(|| Picture::new(self.request), |kept| kept.picture)
     }
 
     /// The light in cells that the request looks up; says whether any was computed.

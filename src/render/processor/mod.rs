@@ -63,7 +63,7 @@ use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
 use super::watch::Watch;
 use crate::gpu::{AdapterDescription, AdapterKind};
-use cast::{Order, Width};
+use cast::{Order, Unfinished, Width};
 use prepared::Cache;
 pub use reference::render_reference;
 use relief_volume::{ContentHash, Volume};
@@ -72,12 +72,13 @@ use relief_volume::{ContentHash, Volume};
 pub(super) struct Processor {
     level: Level,
     cache: Cache,
+    unfinished: Option<Unfinished>,
     bands: Bands,
 }
 
 impl Processor {
     pub(super) fn new() -> Self {
-        Self { level: Level::widest(), cache: Cache::default(), bands: Bands::of_processor() }
+        Self { level: Level::widest(), cache: Cache::default(), unfinished: None, bands: Bands::of_processor() }
     }
 
     /// The processor in words.
@@ -108,7 +109,7 @@ impl Processor {
     ) -> Result<RenderedFrame, RenderError> {
         let plan = &limits.plan(volume.grid().dims())?;
         let (width, bands) = (Width::Eight(self.level), self.bands);
-        Order { volume, request, skipping, plan, width, bands }.cast(&mut self.cache, watch)
+        Order { volume, request, skipping, plan, width, bands }.cast(&mut self.cache, &mut self.unfinished, watch)
     }
 
     /// Makes bands short or long: see [`super::Renderer::set_short_bands`].
@@ -123,11 +124,13 @@ impl Processor {
 
     /// Drops a volume and its appearances from the cache.
     pub(super) fn forget(&mut self, volume: ContentHash) {
+        self.unfinished.take_if(|unfinished| unfinished.is_of(volume));
         self.cache.forget(volume);
     }
 
     /// Empties the cache.
     pub(super) fn clear(&mut self) {
+        self.unfinished = None;
         self.cache.clear();
     }
 }

@@ -35,7 +35,7 @@ pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<Rend
         bands: Bands::of_processor(),
     };
     let mut goes_on = |_| ControlFlow::Continue(());
-    let mut frame = order.cast(&mut Cache::default(), &mut Watch::new(&mut goes_on))?;
+    let mut frame = order.cast(&mut Cache::default(), &mut None, &mut Watch::new(&mut goes_on))?;
     if request.letters {
         letters::burn(&mut frame);
     }
