@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 
 use super::{in_mode, renderer};
 use crate::common;
-use relief_render::{DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, SceneFile};
+use relief_render::{
+    DepthRule, Mode, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, SceneFile,
+};
 use relief_volume::{Orbit, PhantomKind, Volume};
 
 /// A width and a height that are no whole numbers of tiles.
@@ -151,6 +153,9 @@ fn continues(renderer: &mut Renderer, ahead: u64) {
         assert_same(&continued, &whole, &what);
         assert!(interruptions > 1, "{what}: {interruptions} interruptions");
         // One row may come twice where bands are submitted ahead.
-        assert!(bands + ahead * interruptions <= whole_bands + ahead, "{what}: {bands} of {whole_bands} bands");
+        assert!(
+            bands + ahead * interruptions <= whole_bands + ahead,
+            "{what}: {bands} of {whole_bands} bands"
+        );
     }
 }

@@ -149,7 +149,8 @@ impl Order<'_> {
                 .collect();
             rows.into_par_iter().with_max_len(1).for_each(|rows| self.width.run(rows));
         };
-        let outcome = self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, rows, cast, watch);
+        let outcome =
+            self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, rows, cast, watch);
         if let Err(error) = outcome {
             let picture = Picture { spent: start.elapsed(), ..picture };
             let (volume, request) = (volume.content_hash(), request.clone());

@@ -78,7 +78,12 @@ pub(super) struct Processor {
 
 impl Processor {
     pub(super) fn new() -> Self {
-        Self { level: Level::widest(), cache: Cache::default(), unfinished: None, bands: Bands::of_processor() }
+        Self {
+            level: Level::widest(),
+            cache: Cache::default(),
+            unfinished: None,
+            bands: Bands::of_processor(),
+        }
     }
 
     /// The processor in words.
@@ -109,7 +114,11 @@ impl Processor {
     ) -> Result<RenderedFrame, RenderError> {
         let plan = &limits.plan(volume.grid().dims())?;
         let (width, bands) = (Width::Eight(self.level), self.bands);
-        Order { volume, request, skipping, plan, width, bands }.cast(&mut self.cache, &mut self.unfinished, watch)
+        Order { volume, request, skipping, plan, width, bands }.cast(
+            &mut self.cache,
+            &mut self.unfinished,
+            watch,
+        )
     }
 
     /// Makes bands short or long: see [`super::Renderer::set_short_bands`].
