@@ -6,14 +6,14 @@ use super::check::ItemError;
 use super::item::{Item, ItemId};
 use super::time::Timestamp;
 
-/// Who changes something: a name of 1 to 120 characters, as the person gives it.
+/// The author of a change: a name of 1 to 120 characters.
 pub type Author = String;
 
 /// Changes that happen together or not at all, and are undone together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Edit {
-    /// Who wants them.
+    /// The author.
     pub author: Author,
     /// Why; may be empty.
     #[serde(default)]

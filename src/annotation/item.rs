@@ -50,7 +50,7 @@ pub struct Item {
     /// Frame of reference of its positions; `None` if a file did not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame_of_reference: Option<FrameOfReference>,
-    /// Who made it.
+    /// The author.
     pub author: String,
     /// When.
     pub created: Timestamp,

@@ -97,7 +97,7 @@ impl KeptAnnotations {
     pub(super) fn read(&self) -> Result<PreparedAnnotations, SeriesError> {
         let wrong = |reason: &str| {
             SeriesError::permanent(format_args!(
-                "the annotations {}: {reason}; plan anew",
+                "the annotations {}: {reason}; plan again",
                 self.path.display()
             ))
         };

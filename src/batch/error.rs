@@ -25,7 +25,7 @@ pub enum ManifestError {
     /// A job says another key than its content has: it was edited by hand.
     #[error(
         "line {line}: the key is {found}, but what the job says has the key {expected}; \
-         plan anew instead of editing jobs"
+         plan again instead of editing jobs"
     )]
     Key {
         /// From 1.

@@ -29,7 +29,7 @@ pub(super) struct RenderedView {
 /// The outputs of a job, each with its bytes.
 pub(super) struct Outputs {
     pub(super) files: Vec<(Product, Vec<u8>)>,
-    /// What was left out.
+    /// Warnings about omitted items.
     pub(super) warnings: Vec<String>,
     /// The structures of the labels, from 1 on.
     pub(super) structures: Vec<String>,

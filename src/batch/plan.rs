@@ -55,7 +55,7 @@ pub struct Request {
     pub orbit: Orbit,
     /// The outputs of each view.
     pub products: Vec<Product>,
-    /// What of series in buckets is here.
+    /// Copies of series in buckets.
     pub copies: Copies,
 }
 

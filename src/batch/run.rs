@@ -34,7 +34,7 @@ pub struct Options {
     pub only: Vec<JobKey>,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
-    /// What of series in buckets is here.
+    /// Copies of series in buckets.
     pub copies: Copies,
 }
 
@@ -49,7 +49,7 @@ pub enum RunEvent<'a> {
     Failed(&'a Failure),
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Jobs of this share.
@@ -235,7 +235,7 @@ fn load_all<'a, J: Borrow<Job>>(
         });
         let series = series.clone();
         if loaded.send((group, series)).is_err() {
-            return; // nobody renders any more
+            return; // the renderer has ended
         }
     }
 }
@@ -256,7 +256,7 @@ fn render_all<'a, J: Borrow<Job>>(
                     renderer.forget(other);
                 }
                 if !render_series(renderer, &loaded, jobs, finished, shared) {
-                    return; // nobody writes any more
+                    return; // the writers have ended
                 }
             }
             Err(trouble) => jobs.iter().for_each(|job| shared.fail(job.borrow(), trouble.clone())),

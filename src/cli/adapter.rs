@@ -21,7 +21,7 @@ pub(super) struct AdapterArguments {
 }
 
 impl AdapterArguments {
-    /// A backend on the chosen adapter that can be made anew after a failure.
+    /// A backend on the chosen adapter that can be recreated after a failure.
     pub(super) fn open_backend(&self) -> anyhow::Result<GpuBackend> {
         let (choice, memory_bytes) = (AdapterChoice::parse(&self.adapter), self.gpu_memory);
         let open = move || {

@@ -14,7 +14,7 @@ use relief_server::verify_audit_log;
 #[command(after_help = "\
 Each line is the SHA-256 of a record and the record; each record names the hash before it. Keep the
 printed newest hash where the server cannot write: --contains then shows that nothing up to it was
-removed or written anew.
+removed or rewritten.
 
 Examples:
   relief audit audit.log
@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &AuditArguments) -> anyhow::Result<ExitCode> {
     if let Some(hash) = &arguments.contains
         && !summary.contains
     {
-        bail!("no record has the hash {hash}: the log was cut, or written anew");
+        bail!("no record has the hash {hash}: the log was cut, or rewritten");
     }
     if arguments.json {
         print_json(&json!({ "records": summary.records, "torn": summary.torn, "head": summary.head }))?;

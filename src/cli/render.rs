@@ -239,7 +239,7 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
     Ok(())
 }
 
-/// What was chosen for the anatomy, and why.
+/// The settings chosen for the anatomy, with the reason.
 fn chosen(scene: &Scene) -> Option<String> {
     let anatomy = scene.chosen?;
     if matches!(scene.request.mode, Mode::Slice(_)) {

@@ -14,7 +14,7 @@ pub struct Composer {
 /// A frame of the display.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Composed {
-    /// What came before its pictures.
+    /// The header before its pictures.
     pub header: FrameHeader,
     /// The frame for the display.
     pub frame: Frame,

@@ -46,7 +46,7 @@ const MAX_UNREADABLE: u32 = 20;
 pub struct Options {
     /// Where.
     pub server: ServerAddress,
-    /// What is shown to the server and expected of it.
+    /// Certificates: the own ones for the server, and those accepted from it.
     pub access: Access,
     /// What for.
     pub hello: Hello,
@@ -76,7 +76,7 @@ pub enum LinkState {
     Connecting,
     /// There.
     Connected {
-        /// Which one, from 1: frames are numbered anew by each.
+        /// Which one, from 1: frames are renumbered by each.
         connection: u64,
         /// Whether the server went on with a session that was interrupted.
         resumed: bool,
@@ -333,7 +333,7 @@ impl Session<'_> {
 
     fn closed(&self, frame: Option<&CloseFrame>, said: Option<&Value>) -> ClientError {
         match socket::closed(&self.options.server, frame, said) {
-            // Too many errors, after a welcome: a new connection begins to count anew.
+            // Too many errors, after a welcome: a new connection resets the count.
             ClientError::Refused { reason, .. } => self.lost(reason),
             other => other,
         }

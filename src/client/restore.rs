@@ -1,4 +1,4 @@
-//! A view brought back to where it was, by intents: for a server that was started anew.
+//! A view brought back to where it was, by intents: for a server that was restarted.
 
 use glam::{DQuat, DVec3};
 
@@ -38,7 +38,7 @@ pub(super) fn intents(look_at_mm: [f64; 3], wanted: &ViewRecord) -> Vec<Intent> 
         by_view_mm: None,
         point_mm: Some(point),
     }));
-    // What came off the wire may be no number: then the view stays as it is.
+    // Received values may not be finite: then the view is not changed.
     if intents.iter().any(|intent| intent.validate().is_err()) { Vec::new() } else { intents }
 }
 

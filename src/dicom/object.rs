@@ -138,8 +138,8 @@ pub(super) fn file_bytes(object: InMemDicomObject, is_long: bool) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Who made the object: the general and the enhanced general equipment modules (PS3.3 C.7.5.1,
-/// C.7.5.2).
+/// The equipment that made the object: the general and the enhanced general equipment modules
+/// (PS3.3 C.7.5.1, C.7.5.2).
 pub(super) fn put_equipment(object: &mut InMemDicomObject) {
     put(object, tags::MANUFACTURER, VR::LO, "Relief");
     put(object, tags::MANUFACTURER_MODEL_NAME, VR::LO, "Relief");

@@ -1,7 +1,7 @@
 //! Label maps as DICOM segmentation objects about a series: BINARY ones, which everybody reads.
 //!
 //! A frame is a slice of one segment; slices without the segment are left out (PS3.3 C.8.20, A.51).
-//! Frames are packed bit by bit without alignment to bytes. Segments are numbered anew from 1, as
+//! Frames are packed bit by bit without alignment to bytes. Segments are renumbered from 1, as
 //! the standard requires, in the order of their labels. LABELMAP objects are not written, because
 //! few programs read them yet.
 //!
@@ -40,7 +40,7 @@ const PURPOSE: Code = Code::dcm("121322", "Source image for image processing ope
 pub struct SegmentationOptions {
     /// Series description; viewers list it. Nothing of the patient belongs here.
     pub description: String,
-    /// Who made it.
+    /// The author.
     pub author: String,
     /// When it was made.
     pub made: Timestamp,

@@ -1,6 +1,6 @@
 //! Where files come from: a folder, a file, a DICOMDIR, a zip.
 //!
-//! A [`FileSource`] is one file that may be DICOM. It is opened anew for each use, so that parallel
+//! A [`FileSource`] is one file that may be DICOM. It is reopened for each use, so that parallel
 //! reads share nothing; entries of a zip are unpacked in memory, each up to [`LARGEST_ENTRY`]. This
 //! module locates bytes; `part10` interprets them.
 

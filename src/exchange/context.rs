@@ -9,7 +9,7 @@ use crate::LeftOut;
 /// Values of items that a file does not contain.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadContext<'a> {
-    /// Who made them, where the file does not say.
+    /// Author of the items if the file names none.
     pub author: &'a str,
     /// The set that they come into.
     pub set: &'a str,

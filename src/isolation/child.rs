@@ -37,7 +37,7 @@ pub fn serve() -> ExitCode {
         let held = enter(&job)?;
         work(&job, held, &mut socket, &windows)
     });
-    // The parent sees the end of the socket; nobody reads what a child might print.
+    // The parent sees the end of the socket; output of the child is not read.
     if served.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 

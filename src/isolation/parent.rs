@@ -72,7 +72,7 @@ pub enum IsolationError {
     /// The memory of this machine is too small for the result.
     #[error("the machine has too little memory for the file")]
     NoMemory,
-    /// What came back contradicts itself.
+    /// The answer of the child is inconsistent.
     #[error("the reader returned invalid data")]
     Invalid,
     /// The child cannot be started, or the file cannot be opened.
@@ -345,7 +345,7 @@ impl Drop for Running {
     }
 }
 
-/// Reads from the child, and ends when nobody waits any more or it takes too long.
+/// Reads from the child, and ends when the caller leaves or it takes too long.
 struct Patient<'a>(&'a mut Running);
 
 impl Read for Patient<'_> {

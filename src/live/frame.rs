@@ -38,7 +38,7 @@ pub struct EncodedDepth {
 /// A frame as received: header, and colour and depth unpacked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReceivedFrame {
-    /// What came before them.
+    /// The header before them.
     pub header: FrameHeader,
     /// Red, green and blue of every pixel, in rows from the top. The rows of the background layer
     /// follow, where the layout has one.

@@ -285,7 +285,7 @@ impl FrameHeader {
     /// The header at the beginning of a frame.
     ///
     /// # Errors
-    /// Whatever an encoder of this version would not have written.
+    /// Headers that no encoder of this version writes.
     pub fn decode(frame: &[u8]) -> Result<Self, FrameError> {
         let Some(bytes) = frame.first_chunk::<HEADER_BYTES>() else {
             return Err(FrameError::Length { found: frame.len() as u64, expected: HEADER_BYTES as u64 });

@@ -11,7 +11,7 @@ use super::scene::Subject;
 use relief_base::DepthLimits;
 use relief_display::DisplaySettings;
 
-/// What is wrong with a picture that was rendered as requested.
+/// Warnings about a picture that was rendered as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PictureWarning {
     /// No ray hit anything.

@@ -35,12 +35,12 @@ impl<'a> Watch<'a> {
         self.ask()
     }
 
-    /// So many passes were there before anything was done.
+    /// Sets the number of passes from before this call.
     pub(super) fn continues(&mut self, passes: u32) {
         self.progress.continued = passes;
     }
 
-    /// So many passes are done.
+    /// Sets the number of passes that are done.
     pub(super) fn passes_done(&mut self, passes: u32) -> Result<(), RenderError> {
         self.progress.passes = passes;
         self.progress.is_kept = true;

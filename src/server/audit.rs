@@ -1,8 +1,8 @@
-//! The audit log: who asked for what and when, and what came of it.
+//! The audit log: caller, request, time and outcome.
 //!
 //! One line a record: the SHA-256 of the record, a space, and the record as JSON. Each record names
 //! the hash of the one before it, so that a changed, missing or moved line breaks the chain
-//! ([`verify_audit_log`]). Whoever may write the file could write the whole chain anew; keep the newest
+//! ([`verify_audit_log`]). A program that may write the file could rewrite the whole chain; keep the newest
 //! hash elsewhere, or let the file system allow appending only (`chattr +a`).
 //!
 //! A record has the route and the id of a volume, which is a hash; no path, query or UID.
@@ -53,7 +53,7 @@ pub enum AuditError {
         path: PathBuf,
         /// Counted from 1.
         line: u64,
-        /// What does not hold.
+        /// The violated rule.
         what: &'static str,
     },
 }
@@ -330,7 +330,7 @@ pub fn verify_audit_log(path: &Path, wanted: Option<&str>) -> Result<AuditSummar
     Ok(summary)
 }
 
-/// Who asked for which volume is for the operator's eyes.
+/// The file is for the operator only: it names callers and volumes.
 fn private() -> OpenOptions {
     #[allow(unused_mut, reason = "changed on Unix alone")]
     let mut options = OpenOptions::new();

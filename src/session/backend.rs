@@ -1,4 +1,4 @@
-//! The GPU renderer as the service's backend: it can be made anew after its device failed.
+//! The GPU renderer as the service's backend: it can be recreated after its device failed.
 
 use std::ops::ControlFlow;
 
@@ -11,7 +11,7 @@ use relief_volume::{ContentHash, Grid, Orbit, Volume};
 /// Opens the adapter and makes a renderer, as at the start.
 pub type OpenRenderer = Box<dyn Fn() -> Result<Renderer, RenderError> + Send>;
 
-/// A renderer, and how it is made anew.
+/// A renderer, and how it is recreated.
 pub struct GpuBackend {
     renderer: Renderer,
     open: OpenRenderer,
@@ -135,7 +135,7 @@ impl RenderBackend for GpuBackend {
     }
 }
 
-/// A renderer that is not made anew.
+/// A renderer that is not recreated.
 impl RenderBackend for Renderer {
     fn render(
         &mut self,

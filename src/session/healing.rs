@@ -1,4 +1,4 @@
-//! When a backend that failed is made anew: at once, and then after pauses that double.
+//! When a backend that failed is recreated: at once, and then after pauses that double.
 
 use std::time::{Duration, Instant};
 
@@ -27,7 +27,7 @@ impl Healing {
         self.due.map(|(due, _)| due.saturating_duration_since(Instant::now()))
     }
 
-    /// Makes the backend anew if that is due; whether it works now.
+    /// Recreates the backend if that is due; whether it works now.
     pub(super) fn attempt(&mut self, backend: &mut impl RenderBackend) -> bool {
         let Some((due, pause)) = self.due else { return true };
         if !backend.can_be_renewed() || due > Instant::now() {

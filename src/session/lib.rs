@@ -71,7 +71,7 @@ pub trait RenderBackend: Send + 'static {
         false
     }
 
-    /// Makes the backend anew after it failed, and renders a picture to see that it works.
+    /// Recreates the backend after it failed, and renders a picture to see that it works.
     ///
     /// # Errors
     /// When it still fails.

@@ -4,7 +4,7 @@
 //! wait in a bounded queue; a request beyond the limit is refused. A request whose ticket was
 //! dropped is skipped, or cancelled if it is being rendered. Small pictures go before large ones
 //! (see `waiting`), and a large one makes room for much smaller ones between two bands or passes: it
-//! is continued where it was interrupted. A backend that failed is made anew, and the request
+//! is continued where it was interrupted. A backend that failed is recreated, and the request
 //! that met the failure is tried once more. Forgetting a volume uses the same queue and is never
 //! refused, because it frees memory.
 
@@ -251,7 +251,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceS
     let (mut waiting, mut healing) = (WaitingJobs::default(), Healing::default());
     loop {
         if waiting.is_empty() {
-            // A broken backend is made anew while nothing waits, too: a server that is taken out of
+            // A broken backend is recreated while nothing waits, too: a server that is taken out of
             // rotation gets no requests.
             let wait = healing.wait().filter(|_| backend.can_be_renewed());
             match wait

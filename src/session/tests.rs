@@ -135,7 +135,7 @@ fn a_large_picture_makes_room_between_bands_and_goes_on() {
     assert_eq!(bench.service.waiting(), 0);
 }
 
-/// Fails until it is made anew, which takes some attempts.
+/// Fails until it is recreated, which takes some attempts.
 struct Fragile {
     broken: bool,
     attempts: SyncSender<()>,

@@ -3,9 +3,9 @@
 //! Weighted fair queueing (Demers, Keshav and Shenker, SIGCOMM 1989) with equal weights: the next
 //! request is the one that would be finished first if all callers were served at once, each with an
 //! equal share of the thread. So a small picture does not wait for large ones of others, a caller
-//! who asks for much delays its own pictures first, and each request has its turn in the end. A
-//! request without a caller counts as a caller of its own. Requests that would be finished at the
-//! same time keep their order. Times in ms.
+//! of many pictures delays its own first, and each request has its turn in the end. A request
+//! without a caller counts as a caller of its own. Requests that would be finished at the same time
+//! keep their order. Times in ms.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -33,7 +33,7 @@ pub(super) struct RenderJob {
     pub(super) volume: Volume,
     pub(super) key: FrameKey,
     pub(super) promise: TicketSender,
-    /// Who asked for it; `None` is a caller of its own.
+    /// The caller; requests without one have a share each.
     pub(super) caller: Option<Arc<str>>,
     pub(super) since: Instant,
     /// The request that waits for it.

@@ -156,7 +156,7 @@ pub enum LocationError {
     Url(#[source] sqlx::Error),
 }
 
-/// What is wrong with the content of a log. Messages contain no values of items.
+/// Why the content of a log is invalid. Messages contain no values of items.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Damage {
     /// The database reports damage, or a value of the wrong type.

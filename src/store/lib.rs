@@ -157,7 +157,7 @@ impl Store {
     }
 
     /// Begins a transaction. A database server that does not answer is given up, and the next call
-    /// connects anew.
+    /// reconnects.
     async fn begin(
         &self,
         pool: fn(&Current) -> &AnyPool,

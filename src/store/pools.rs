@@ -1,4 +1,4 @@
-//! The connections of a log: one that writes, some that read. They are made anew when a database
+//! The connections of a log: one that writes, some that read. They are recreated when a database
 //! stops answering.
 //!
 //! A network may drop a connection silently: a query on it waits until TCP gives up,

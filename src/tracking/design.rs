@@ -49,7 +49,7 @@ impl Default for DesignConditions {
     }
 }
 
-/// What came of a layout.
+/// The score of a layout.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct DesignScore {
     /// Views identified rightly.

@@ -225,7 +225,7 @@ pub struct PlotPoint {
     pub error: f64,
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct ExperimentOutcome {
     /// Mean of the errors' sizes, degrees or cm.

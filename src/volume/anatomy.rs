@@ -34,7 +34,7 @@ pub enum BodyPart {
     Other,
 }
 
-/// What is known of a volume's content.
+/// The anatomy found in a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Anatomy {
     /// The part of the body.

@@ -223,7 +223,7 @@ fn an_edit_makes_new_jobs_of_what_it_shows_and_no_others() {
     std::fs::write(&kept, text.replace("80.0", "70.0")).unwrap();
     let ran = archive.run(&[]);
     assert_eq!(ran.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&ran.stdout).contains("not those that were planned with; plan anew"));
+    assert!(String::from_utf8_lossy(&ran.stdout).contains("not those that were planned with; plan again"));
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn invalid_manifests_are_refused_with_line_and_reason() {
     let first = text.lines().next().unwrap();
     let refused = |text: &str| read_manifest(text.as_bytes()).unwrap_err().to_string();
     assert!(refused("\n\n{\n").starts_with("line 3 is not a valid job"));
-    assert!(refused(&first.replace("\"bone\"", "\"skin\"")).contains("plan anew instead of editing jobs"));
+    assert!(refused(&first.replace("\"bone\"", "\"skin\"")).contains("plan again instead of editing jobs"));
     assert!(refused(&format!("{first}\n{first}")).contains("lines 1 and 2 would both write"));
     assert!(refused(&first.replace("\"anterior\"", "\"../anterior\"")).contains("view is \"../anterior\""));
     assert!(refused(&first.replace("\"view\"", "\"sight\"")).contains("sight"));

@@ -43,7 +43,7 @@ fn regions_have_the_voxels_that_others_counted() {
         assert!((region.volume_ml - fact["volume_ml"].as_f64().unwrap()).abs() < 1e-3, "{region:?} {fact}");
         assert_eq!(region.content, imported.contents[0].0);
     }
-    // Written again, and read: numbered anew, with the same voxels.
+    // Written again, and read: renumbered, with the same voxels.
     let contents = contents(&[&imported]);
     let context = WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None };
     for format in [Format::SegNrrd, Format::Nifti] {

@@ -1,4 +1,4 @@
-//! The golden images of this repository: rendered anew, and held against a renderer that did not
+//! The golden images of this repository: rendered again, and held against a renderer that did not
 //! make them.
 //!
 //! The first test needs a software adapter. Without one it fails if `RELIEF_REQUIRE_ADAPTER=1`, and

@@ -337,7 +337,7 @@ fn time_orders_what_comes() {
     assert!(remote.hold(4990, Buttons::default()).is_empty(), "B was pressed after that");
     assert_eq!(remote.session.camera(), camera);
     assert!(remote.hold(5040, Buttons::B).is_empty(), "the same again");
-    // The remote was connected anew, and its time begins at 0.
+    // The remote was reconnected, and its time begins at 0.
     assert_eq!(remote.hold(3, Buttons::ONE), [Intent::Release {}, Intent::Undo {}]);
     assert!(!remote.at(4, start(), level()).is_empty());
 }

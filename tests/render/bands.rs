@@ -56,7 +56,7 @@ fn bands_change_not_one_byte() {
         let what = format!("{:?}", request.mode);
         let [whole, cut, fine] = [u32::MAX, 97 * 24, 1].map(|pixels| {
             renderer.set_band_pixels(pixels);
-            // A path-traced picture would be continued, not made anew.
+            // A path-traced picture would be continued, not recreated.
             renderer.forget(volume.content_hash());
             renderer.render(&volume, &request).unwrap()
         });

@@ -2,7 +2,7 @@
 //! frames that decode.
 //!
 //! Pictures are those of the f64 renderer, so that most of this needs no adapter; the formulas are
-//! written down anew here.
+//! written down again here.
 
 use glam::{DMat3, DVec2, DVec3};
 use serde_json::{Value, json};

@@ -19,7 +19,7 @@ pub struct Decimation {
 }
 
 impl Decimation {
-    /// So many triangles, whatever it costs.
+    /// This number of triangles, at any error.
     #[must_use]
     pub fn to(triangles: usize) -> Self {
         Self { triangles, error_mm: f64::INFINITY }

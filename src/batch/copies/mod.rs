@@ -58,7 +58,7 @@ impl Local {
         &self.path
     }
 
-    /// What has to read the files, if this process must not: those of a copy are not trusted.
+    /// The reader of the files if this process must not read them: copies are not trusted.
     pub(crate) fn isolated(&self) -> Option<&IsolatedReader> {
         self.isolated.as_ref().filter(|_| self.held.is_some())
     }

@@ -1,10 +1,10 @@
 //! The folder of copies: inventory, creation, removal.
 //!
-//! A copy is a folder that is called after the hash of what was listed: `files/`, and
-//! `contents.json`, which has their hashes and the lock of those who read it. One that is being
-//! made or removed is called otherwise; what a program that was killed left is removed by the next.
-//! Who makes or removes copies holds the lock of the folder, so that all programs together keep
-//! within its bytes; who only reads does not wait for it.
+//! A copy is a folder named after the hash of its listing. It has `files/`, and `contents.json`
+//! with their hashes, which readers lock. A copy in the making and one in removal have other names;
+//! the next program removes those that a killed program left. A program that makes or removes
+//! copies holds the lock of the folder, so that all programs together keep within its size. Reading
+//! needs no such lock.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Write};

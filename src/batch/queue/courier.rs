@@ -329,7 +329,7 @@ pub enum WorkEnd {
     Idle,
     /// A signal stopped it.
     Stopped,
-    /// Several jobs in a row failed in ways that may be its own: others, or it when started anew,
+    /// Several jobs in a row failed in ways that may be its own: others, or it when restarted,
     /// may do better.
     Unfit,
 }

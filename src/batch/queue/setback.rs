@@ -14,7 +14,7 @@ pub struct FailedAttempt {
     pub failure: Failure,
     /// How often it was begun.
     pub tries: u32,
-    /// The message that it came with: submitted again, it is begun anew.
+    /// The message that it came with: submitted again, it is restarted.
     pub message: u64,
 }
 

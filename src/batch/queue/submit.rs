@@ -10,7 +10,7 @@ use async_nats::jetstream::message::PublishMessage;
 use super::{Queue, QueueError};
 use crate::manifest::Job;
 
-/// What came of submitting.
+/// The outcome of submitting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Submitted {
     /// Jobs that are in the queue now and were not.

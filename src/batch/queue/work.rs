@@ -28,7 +28,7 @@ use relief_render::Renderer;
 pub struct WorkOptions {
     /// Where outputs go.
     pub out: Sink,
-    /// What of series in buckets is here.
+    /// Copies of series in buckets.
     pub copies: Copies,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,

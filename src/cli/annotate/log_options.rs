@@ -14,15 +14,15 @@ pub(super) struct LogArguments {
     db: Option<String>,
 }
 
-/// Who changes something.
+/// The author of changes.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct AuthorArguments {
-    /// Who does it; the login name otherwise
+    /// Author of the change; the login name otherwise
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     author: Option<String>,
 }
 
-/// Who changes items, and why.
+/// Author and reason of changes.
 #[derive(Debug, clap::Args)]
 pub(super) struct ByArguments {
     #[command(flatten)]
@@ -81,7 +81,7 @@ impl LogArguments {
 }
 
 impl AuthorArguments {
-    /// Who it is: the argument, or else who is logged in.
+    /// The author: the argument, or else the login name.
     pub(super) fn name(&self) -> anyhow::Result<String> {
         let named = || ["USER", "LOGNAME", "USERNAME"].iter().find_map(|name| std::env::var(name).ok());
         let author = self.author.clone().or_else(named).or_else(login_name).filter(|name| !name.is_empty());

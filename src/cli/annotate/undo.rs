@@ -44,7 +44,7 @@ pub(super) struct RedoArguments {
 struct StepArguments {
     #[command(flatten)]
     by: ByArguments,
-    /// So many edits, one after the other
+    /// Number of edits to undo, one after another
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     times: u32,
     /// Print one JSON object: the events, and of a conflict both versions

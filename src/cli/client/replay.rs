@@ -17,7 +17,7 @@ use relief_live::{ClientMessage, Hello};
 /// How long the last still frame may take.
 const STILL: Duration = Duration::from_secs(60);
 
-/// What came of a replay.
+/// The outcome of a replay.
 #[derive(serde::Serialize)]
 struct ReplayOutcome {
     messages: u64,

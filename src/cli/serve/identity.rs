@@ -12,7 +12,7 @@ use relief_server::HeaderName;
 use crate::token::ScopeArgument;
 use relief_server::{Admission, AuditLog, Tls, TlsFiles, Tokens, TrustedProxy, fingerprint, self_signed};
 
-/// Who may call, and how connections are encrypted.
+/// Options of identities and of encryption.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Identity and encryption")]
 pub(crate) struct IdentityArguments {

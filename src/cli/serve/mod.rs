@@ -138,7 +138,7 @@ pub(super) struct ServeArguments {
     identity: IdentityArguments,
 }
 
-/// Who may add volumes.
+/// The callers that may add volumes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Uploads {
     /// On for a loopback address and where callers are recognised, else off

@@ -102,7 +102,7 @@ pub async fn measure(plan: &MeasurePlan) -> Result<(MeasureReport, Option<Compos
     Ok((MeasureReport::of(plan, &meters, burden), last))
 }
 
-/// What came of a task. One that panicked is a client that is lost.
+/// The outcome of a task. A task that panicked counts as a lost client.
 fn flat<T>(
     server: &ServerAddress,
     outcome: Result<Result<T, ClientError>, JoinError>,

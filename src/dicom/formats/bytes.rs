@@ -58,7 +58,7 @@ impl<'a> Source<'a> {
         Err(FormatError::Unknown { found })
     }
 
-    /// So many bytes, which are few.
+    /// A small number of bytes.
     pub(super) fn take(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
         let mut bytes = Vec::new();
         self.reader.by_ref().take(count as u64).read_to_end(&mut bytes).map_err(FormatError::Damaged)?;

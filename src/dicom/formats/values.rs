@@ -63,7 +63,7 @@ impl Voxel {
 /// Bytes that are read at a time.
 const PART: usize = 1 << 18;
 
-/// So many voxels, each through `convert`, which gives back a value that it refuses.
+/// Reads a number of voxels, each through `convert`, which returns a value that it refuses.
 ///
 /// The list grows with the bytes that are read.
 ///

@@ -66,7 +66,7 @@ pub struct DepthImage<'a> {
     pub attributes: &'a BTreeMap<String, Attribute>,
 }
 
-/// What came out of a file. Rows from the top left.
+/// The decoded content of a file. Rows from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecodedDepthImage {
     /// Width and height, pixels.

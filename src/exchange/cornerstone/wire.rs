@@ -15,7 +15,7 @@ pub(super) struct Annotation {
     pub(super) is_locked: bool,
     #[serde(default = "yes")]
     pub(super) is_visible: bool,
-    /// Whether its statistics are to be computed anew.
+    /// Whether its statistics are to be computed again.
     #[serde(default = "yes")]
     pub(super) invalidated: bool,
     pub(super) metadata: Metadata,

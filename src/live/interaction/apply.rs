@@ -13,7 +13,7 @@ use relief_volume::{Camera, CameraError};
 /// Changes of one kind that follow one another faster than this are one step back, ns.
 const ONE_STEP_NS: u64 = 1_000_000_000;
 
-/// What came of an intent.
+/// The effect of an intent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AppliedIntent {
     /// Whether the state is another one now; its revision has gone up then.

@@ -34,7 +34,7 @@ struct HandInView {
 #[derive(Clone, Copy, Debug)]
 enum TriggerState {
     Open,
-    /// B is held; the next pose takes hold, for the first time or anew.
+    /// B is held; the next pose takes hold, for the first time or again.
     Closing,
     /// The volume is held but rests: the hand has not left the dead zone around this.
     Resting(HandInView),
@@ -214,7 +214,7 @@ impl Gestures {
         if let TriggerState::Resting(from) = self.grip
             && let Some(edge) = self.edge_between(from, hand)
         {
-            // Taking hold anew at the zone's edge, the volume does not jump by the zone's width.
+            // Taking hold again at the zone's edge, the volume does not jump by the zone's width.
             self.grab(edge, intents);
             self.grip = TriggerState::Moving;
         }
@@ -306,7 +306,7 @@ impl Gestures {
         }
     }
 
-    /// The next pose takes hold anew, if B is held.
+    /// The next pose takes hold again, if B is held.
     fn loosen(&mut self) {
         if !matches!(self.grip, TriggerState::Open) {
             self.grip = TriggerState::Closing;

@@ -59,7 +59,7 @@ pub enum Intent {
         /// Above 1 is closer. 0.01 to 100.
         factor: f64,
     },
-    /// Takes hold of the volume. While it is held already: takes hold anew where the hand is now,
+    /// Takes hold of the volume. While it is held already: takes hold again where the hand is now,
     /// so that nothing moves.
     Grab {
         /// The hand, mm along view axes, the focal point being 0; -100000 to 100000. Only its

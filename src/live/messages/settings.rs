@@ -92,7 +92,7 @@ impl<'de> Deserialize<'de> for SnapTo {
 pub enum Quality {
     /// Computed from the measured speed of the connection and of the renderer.
     Auto,
-    /// So many ms of rendering, and JPEG of the usual quality.
+    /// A time budget of rendering in ms, and JPEG of the default quality.
     Budget {
         /// Milliseconds; 1 to 60000.
         budget_ms: f64,

@@ -7,7 +7,7 @@
 //!
 //! Cells are filled once for a volume, a transfer function or surfaces, a clip, and what light
 //! comes from, all in patient space. A light in view space turns with the camera, so its cells are
-//! filled anew when that turns.
+//! filled again when that turns.
 //!
 //! Spaces: patient mm, voxel index, start space (see `shaders/lib/frame.wgsl`) of a camera that
 //! depends only on the volume.

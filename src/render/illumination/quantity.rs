@@ -1,4 +1,4 @@
-//! What is computed for each cell, how it is stored, and what it depends on.
+//! Quantities of light in cells: their storage and their dependencies.
 
 use std::sync::Arc;
 

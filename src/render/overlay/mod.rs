@@ -47,7 +47,7 @@ pub use text::{TextMask, label_height_px, label_stroke_px, text_margin_px, text_
 /// Rows of a picture that one thread draws at a time.
 const BAND_ROWS: u32 = 16;
 
-/// So many primitives in a band are worth sorting.
+/// Least number of primitives in a band for which sorting pays.
 const MANY: usize = 512;
 
 /// Most pixels that all primitives of a picture together may have to look at: some seconds of a

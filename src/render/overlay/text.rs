@@ -60,7 +60,7 @@ type Bitmaps = HashMap<(char, u32), Arc<Bitmap>>;
 /// share the cache.
 static KNOWN: LazyLock<Mutex<Bitmaps>> = LazyLock::new(Mutex::default);
 
-/// So many are kept: those of a few heights of texts, 14 MB at the most.
+/// Number of masks in the cache: those of a few heights of text, at most 14 MB.
 const MOST_KNOWN: usize = 256;
 
 /// The glyphs' pictures that one drawing needs.

@@ -54,7 +54,7 @@ pub struct Scene {
     pub frame: FramingRule,
     /// For which anatomy the preset or window was chosen, where the scene had no transfer function.
     pub chosen: Option<Anatomy>,
-    /// What becomes of the picture.
+    /// Layout and disparity of the frame.
     pub display: DisplaySettings,
     /// Time limit of the render, ms; without one the picture has its full quality. The caller
     /// reduces the request, since it has measured the speed of pictures.

@@ -3,7 +3,7 @@
 //!
 //! A snapshot is that of the log's last event; whether it still is costs one small question. Edits
 //! are added to it, those made here and those that others made and that were heard of; where some
-//! were not heard of yet, it is read anew.
+//! were not heard of yet, it is read again.
 
 use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::Duration;

@@ -46,7 +46,7 @@ impl Attribution {
     const KEYS: [&str; 4] = ["name", "set", "author", "reason"];
 }
 
-/// Who makes what into which set.
+/// Author, name and set of a new item.
 pub(super) struct NewStructure {
     pub(super) asked: EditRequest,
     author: String,

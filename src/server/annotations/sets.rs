@@ -64,7 +64,7 @@ pub(super) async fn put(
     Ok(tagged(&set))
 }
 
-/// A set that items name and nobody has described.
+/// A set that items name and that has no description.
 fn unrecorded(name: String) -> Set {
     Set { name, reader: None, blinded: false, template: None }
 }

@@ -66,7 +66,7 @@ impl Door {
         matches!(self.identify(request.headers(), peer, true), Ok(Some(_)))
     }
 
-    /// Who sends a request to a route, and whether they may.
+    /// The caller of a route, and whether the caller is admitted.
     fn admit(&self, request: &Request, route: &str) -> (Caller, Result<(), Problem>) {
         let peer = request.extensions().get::<Peer>();
         let mut caller = Caller { identity: None, address: peer.map(|peer| peer.address.ip()) };

@@ -1,4 +1,4 @@
-//! Who sends a request: its network address, and its identity where the server asks for one.
+//! The caller of a request: network address, and identity if the server requires one.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -38,7 +38,7 @@ pub(crate) enum Proof {
     Proxy,
 }
 
-/// Who sends a request.
+/// The caller of a request.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Caller {
     /// `None` where the server is open.

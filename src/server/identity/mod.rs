@@ -1,4 +1,4 @@
-//! Who sends a request, and what they may do.
+//! Identities of callers and their rights.
 //!
 //! What it is: identities from bearer tokens, client certificates, a trusted proxy's header and the
 //! sign-in of the pages; the scope that a route needs; the layer that refuses the rest. What it is

@@ -29,7 +29,7 @@ use relief_volume::{Camera, Projection};
 /// Why an item came to be where it is, in the log.
 const REASON: &str = "live session";
 
-/// Who places, and where in the list.
+/// Author of placements, and position in the list.
 pub(super) struct LandmarkPlacer<'a> {
     pub(super) author: Option<&'a str>,
     pub(super) caller: &'a Caller,
@@ -107,7 +107,7 @@ pub(super) async fn apply_effect(
 /// The label that the next `place` defines.
 ///
 /// # Errors
-/// Whatever the store says.
+/// The errors of the store.
 pub(super) async fn next(
     parts: &LiveParts,
     view: &View,

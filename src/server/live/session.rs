@@ -18,7 +18,7 @@ pub(super) struct Session {
     pub(super) view: Arc<View>,
     pub(super) role: Role,
     pub(super) remote: Mutex<Remote>,
-    /// Who works here.
+    /// The author of changes.
     pub(super) author: Option<String>,
     pub(super) caller: Caller,
     /// The state of the hand: the next label and the held point.

@@ -70,7 +70,7 @@ pub enum LiveError {
     /// A frame could not be encoded.
     #[error("{what} failed: {source}")]
     Encoding {
-        /// What was encoded.
+        /// The encoded object.
         what: &'static str,
         /// Why it failed.
         source: Box<dyn Error + Send + Sync>,

@@ -34,7 +34,7 @@ pub enum NameSource {
     Description,
 }
 
-/// Who added a volume.
+/// The origin of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Owner {
     Operator,
