@@ -55,8 +55,8 @@ impl CopiesArguments {
         self.copies_below(Vec::new(), None)
     }
 
-    /// Copies of series below these places alone, or anywhere if there are none; read by
-    /// `isolated`.
+    /// Copies that `isolated` reads. Paths must lie below one of the roots; without roots, all are
+    /// allowed.
     pub(super) fn copies_below(&self, roots: Vec<Location>, isolated: Option<IsolatedReader>) -> Copies {
         let (folder, bytes) = (self.cache.clone(), self.cache_bytes);
         let endpoint = self.bucket.s3_endpoint.clone();

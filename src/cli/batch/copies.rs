@@ -16,7 +16,8 @@ pub(super) struct BucketSeriesArguments {
 }
 
 impl BucketSeriesArguments {
-    /// Copies of series below these places; anywhere if there are none.
+    /// Copies of series in buckets. A path must lie below one of the roots; without roots, all are
+    /// allowed.
     ///
     /// # Errors
     /// When this system cannot isolate.
