@@ -119,12 +119,15 @@ impl SeriesSource {
         path: &Path,
         gate: &'a MemoryBudget,
     ) -> Result<BudgetedVolume<'a>, SeriesError> {
-        if relief_dicom::is_volume_file(path) {
+        let is_file = relief_dicom::is_volume_file(path);
+        if is_file {
             self.expect(&sha256_of_file(path).map_err(SeriesError::retryable)?)?;
         }
         let mut held = None;
         let wanted = |found: &FoundSeries| {
-            found.sha256.as_deref().map_or(Ok(()), |sha256| self.expect(sha256))?;
+            if !is_file {
+                self.expect(found.sha256.as_deref().unwrap_or_default())?;
+            }
             let voxels = found.dims.iter().fold(1_u64, |count, side| count.saturating_mul(*side as u64));
             let bytes = voxels.saturating_mul(size_of::<i16>() as u64);
             let bytes = bytes.saturating_mul(1 + u64::from(self.labels.is_some()));

@@ -369,11 +369,14 @@ impl ParameterType {
                     .ok_or_else(|| malformed(name, text, &format!("{count} numbers, a,b,...")))
             }
             Self::Groups(size) => {
+                let allowed = format!("groups of {size} numbers, a,b,...");
                 let values: Option<Vec<f64>> = text.split(',').map(finite).collect();
-                let values = values.filter(|values| values.len() % size == 0);
-                values
-                    .map(Value::from)
-                    .ok_or_else(|| malformed(name, text, &format!("groups of {size} numbers, a,b,...")))
+                let values = values.ok_or_else(|| malformed(name, text, &allowed))?;
+                if values.len() % size == 0 {
+                    Ok(values.into())
+                } else {
+                    Err(incomplete(name, &values, &allowed))
+                }
             }
             Self::Labels => {
                 let label = |word: &str| {
@@ -460,6 +463,13 @@ fn malformed(name: &str, text: &str, allowed: &str) -> Problem {
         .with("path", name)
         .with("found", found)
         .with("allowed", allowed)
+}
+
+/// A list of numbers whose last group is incomplete. The API description cannot express this rule, so
+/// that the request follows it.
+fn incomplete(name: &str, values: &[f64], allowed: &str) -> Problem {
+    let detail = format!("{name} has {} numbers, allowed: {allowed}", values.len());
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", name)
 }
 
 fn unknown(name: &str, allowed: &str) -> Problem {

@@ -129,6 +129,6 @@ impl Annotations {
         **turn = Some(seq);
         self.newest.store(seq, Ordering::Relaxed);
         self.changes.send_modify(|changes| *changes += 1);
-        let _ = self.published.send(Arc::new(Published { seq, events, sets })); // nobody may listen
+        let _ = self.published.send(Arc::new(Published { seq, events, sets })); // an error means that no session listens
     }
 }

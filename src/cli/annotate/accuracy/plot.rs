@@ -15,7 +15,7 @@ const ROW: u32 = 58;
 
 /// The ends of the axis, mm; it is logarithmic, for the ways differ by a hundred.
 const RANGE_MM: [f64; 2] = [0.02, 30.0];
-/// The bar of the issue that this study judges, mm.
+/// The accuracy that placing should reach, mm.
 const BAR_MM: f64 = 1.0;
 
 pub(super) fn draw(report: &AccuracyReport) -> Result<Sheet, PlotError> {
