@@ -37,8 +37,9 @@ struct Path {
     table_last: u32,
     // Edge of a brick in voxels.
     brick_edge: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // How often a path may scatter, at least once.
+    scatterings: u32,
+    padding: u32,
     lights: array<PathLight, MAX_LIGHTS>,
 }
 

@@ -15,6 +15,25 @@ struct Collision {
     eye: vec3<f32>,
 }
 
+// Gradients transform by the transpose of the points' inverse; differences are over two voxels.
+fn gradient_per_mm(voxel: vec3<f32>) -> vec3<f32> {
+    return 0.5 * central_differences(voxel) * mat3x3<f32>(
+        frame.voxel_from_start[0].xyz,
+        frame.voxel_from_start[1].xyz,
+        frame.voxel_from_start[2].xyz,
+    );
+}
+
+// Direction from a place to the middle of a light, and the distance, mm.
+fn way_to(light: PathLight, place: vec3<f32>) -> vec4<f32> {
+    if light.is_near == 0u {
+        return vec4<f32>(light.toward, NO_COLLISION);
+    }
+    let arm = light.toward - place;
+    let distance = length(arm);
+    return vec4<f32>(arm / max(distance, 1e-6), distance);
+}
+
 // `gradient` in start space, HU per mm.
 fn collision_of(albedo: vec3<f32>, gradient: vec3<f32>, eye: vec3<f32>) -> Collision {
     let steepness = dot(gradient, gradient);

@@ -6,9 +6,9 @@ use anyhow::{Context, bail};
 
 use crate::choices::{depth_rules, framing_rules, layouts, qualities, table_rules};
 use crate::light::LightArguments;
-use crate::slice::SliceArguments;
+use crate::slice::{SliceArguments, parse_triple};
 use crate::transfer::TransferArguments;
-use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout};
+use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout, ScreenPlane};
 use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, Quality, SceneFile, TableRule};
 use relief_volume::{Orbit, PRESETS};
 
@@ -43,6 +43,13 @@ pub(super) struct SceneArguments {
     /// Paths through each pixel in mode path-traced; noise falls with the square root
     #[arg(long, value_name = "N")]
     passes: Option<u32>,
+    /// How often light scatters at most on its way to the eye in mode path-traced: 1 to 64; shadows
+    /// are brighter and softer with more [default: 1]
+    #[arg(long, value_name = "N")]
+    scatterings: Option<u32>,
+    /// Remove the noise of mode path-traced: 16 passes look like 256
+    #[arg(long)]
+    denoise: bool,
     #[command(flatten)]
     light: LightArguments,
     /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
@@ -72,6 +79,10 @@ pub(super) struct SceneArguments {
     /// volume's bounding sphere, or NEAR,FAR in mm [default: visible]
     #[arg(long, value_name = "visible|volume|NEAR,FAR", value_parser = parse_depth_range)]
     depth_range: Option<DepthRangeOption>,
+    /// Point of the patient to put on the plane of the screen, where a display is sharpest: LPS mm,
+    /// such as a landmark's; not with --depth-range NEAR,FAR
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_triple, allow_negative_numbers = true)]
+    screen_plane: Option<[f64; 3]>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half); the layout decides when left
     /// out
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -214,6 +225,9 @@ impl SceneArguments {
         if let Some(passes) = self.passes {
             scene = scene.with_passes(passes);
         }
+        if self.scatterings.is_some() || self.denoise {
+            scene = scene.with_light(self.scatterings, self.denoise.then_some(true));
+        }
         scene = self.light.apply(scene);
         scene = self.with_display_options(scene);
         Ok(match self.size {
@@ -244,6 +258,9 @@ impl SceneArguments {
             Some(DepthRangeOption::Mm([near, far])) => {
                 display = DisplaySettings { near_mm: Some(near), far_mm: Some(far), ..display };
             }
+        }
+        if let Some(point) = self.screen_plane {
+            display.screen_plane = Some(ScreenPlane::PointMm(point));
         }
         scene.with_display(display)
     }

@@ -48,7 +48,7 @@ fn parse_blend(name: &str) -> Result<SlabBlend, String> {
     SlabBlend::from_name(name).ok_or_else(|| "blends are mean, mip and minip".to_owned())
 }
 
-fn parse_triple(text: &str) -> Result<[f64; 3], String> {
+pub(super) fn parse_triple(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let triple = numbers.and_then(|numbers| numbers.try_into().ok());
     triple.ok_or_else(|| "three numbers with commas between them, such as 0,-1,0.5".to_owned())

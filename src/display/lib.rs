@@ -20,6 +20,7 @@ mod layout;
 mod limits;
 mod problem;
 mod profile;
+mod screen_plane;
 mod settings;
 mod views;
 
@@ -43,5 +44,6 @@ pub use layout::{
 };
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
+pub use screen_plane::ScreenPlane;
 pub use settings::{DisplaySettings, ProfileSetting, SettingsError};
 pub use views::{MAX_VIEWS, Parallax, TrueViews, ViewGrid, Views, anaglyph, eyes, psnr_db, synthesize};

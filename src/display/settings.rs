@@ -13,7 +13,8 @@ use super::layout::FrameEncoder;
 use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName, VZ_RANGE};
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
-use relief_base::DepthLimits;
+use crate::screen_plane::{ScreenPlane, limits_around};
+use relief_base::{DepthLimits, ScaledDepth};
 
 /// Eye separations between the outermost views: none, or more than any display's cone has.
 const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=16.0;
@@ -44,6 +45,8 @@ pub struct DisplaySettings {
     pub depth_filter: DepthFilter,
     /// What the limits below follow where they are `null`.
     pub depth_range: DepthRange,
+    /// What lies on the plane of the screen; `null` leaves that to the limits.
+    pub screen_plane: Option<ScreenPlane>,
     /// View depth that becomes Z = 0, mm.
     pub near_mm: Option<f64>,
     /// View depth that becomes Z = 1, mm.
@@ -90,6 +93,7 @@ impl Default for DisplaySettings {
             view_span: None,
             depth_filter: DepthFilter::default(),
             depth_range: DepthRange::default(),
+            screen_plane: None,
             near_mm: None,
             far_mm: None,
         }
@@ -110,11 +114,42 @@ impl DisplaySettings {
         if let (Some(near), Some(far)) = (self.near_mm, self.far_mm) {
             checked_limits(near, far)?;
         }
+        self.validate_screen_plane()?;
         if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
             let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
             return Err(refusal("display.view_span", &span, &allowed));
         }
         self.encoder().map(|_| ())
+    }
+
+    fn validate_screen_plane(&self) -> Result<(), SettingsError> {
+        let path = "display.screen_plane";
+        let Some(plane) = self.screen_plane else { return Ok(()) };
+        if let ScreenPlane::PointMm(point) = plane
+            && !point.iter().all(|mm| (-1e6..=1e6).contains(mm))
+        {
+            return Err(refusal(path, &format_args!("{point:?}"), "-1000000 to 1000000 mm each"));
+        }
+        if self.near_mm.is_some() || self.far_mm.is_some() {
+            return Err(refusal(
+                path,
+                &"set",
+                "null beside near_mm and far_mm, which place the screen themselves",
+            ));
+        }
+        Ok(())
+    }
+
+    /// These settings with the cursor of a view, patient mm, in place of the word. Without a cursor the
+    /// limits place the screen.
+    #[must_use]
+    pub fn with_cursor(&self, cursor_mm: Option<[f64; 3]>) -> Self {
+        match self.screen_plane {
+            Some(ScreenPlane::Cursor) => {
+                Self { screen_plane: cursor_mm.map(ScreenPlane::PointMm), ..self.clone() }
+            }
+            _ => self.clone(),
+        }
     }
 
     /// The display that the settings name.
@@ -187,6 +222,7 @@ impl DisplaySettings {
 
     /// As [`DisplaySettings::limits`], with those of the visible surfaces, where there are any, if the
     /// range is that. A limit of the request that contradicts these is held against the volume's.
+    /// `depth_of` gives the view depth of a point, patient mm, for the plane of the screen.
     ///
     /// # Errors
     /// As [`DisplaySettings::limits`].
@@ -194,12 +230,16 @@ impl DisplaySettings {
         &self,
         of_volume: DepthLimits,
         visible: impl FnOnce() -> Option<DepthLimits>,
+        depth_of: impl FnOnce([f64; 3]) -> f64,
     ) -> Result<DepthLimits, SettingsError> {
         let of_request = self.limits(of_volume)?;
-        if self.depth_range == DepthRange::Volume || (self.near_mm.is_some() && self.far_mm.is_some()) {
-            return Ok(of_request);
-        }
-        Ok(visible().and_then(|visible| self.limits(visible).ok()).unwrap_or(of_request))
+        let follows =
+            self.depth_range == DepthRange::Visible && (self.near_mm.is_none() || self.far_mm.is_none());
+        let visible = follows.then(visible).flatten().and_then(|visible| self.limits(visible).ok());
+        let limits = visible.unwrap_or(of_request);
+        let Some(ScreenPlane::PointMm(point)) = self.screen_plane else { return Ok(limits) };
+        let screen = self.profile()?.constants().zd;
+        Ok(limits_around(limits, depth_of(point), ScaledDepth(screen)))
     }
 }
 

@@ -132,9 +132,13 @@ impl FingerprintBytes {
             anisotropy,
             surface,
             surface_hu_per_mm,
+            scatterings,
+            denoise,
         } = path_trace;
         self.side(*passes);
         self.side(*seed);
+        self.side(*scatterings);
+        self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
     }
 
@@ -312,6 +316,8 @@ mod tests {
             r#"{"mode":"isosurface","iso_hu":301}"#.to_owned(),
             r#"{"mode":"path-traced","path_trace":{"seed":7}}"#.to_owned(),
             r#"{"mode":"path-traced","path_trace":{"passes":7}}"#.to_owned(),
+            r#"{"mode":"path-traced","path_trace":{"scatterings":7}}"#.to_owned(),
+            r#"{"mode":"path-traced","path_trace":{"denoise":true}}"#.to_owned(),
             r#"{"transfer":"skin"}"#.to_owned(),
             r#"{"depth":{"rule":"threshold","fraction":0.25}}"#.to_owned(),
             r#"{"depth":{"rule":"two-layer","fraction":0.25}}"#.to_owned(),

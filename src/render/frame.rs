@@ -67,7 +67,9 @@ impl RenderedFrame {
             let ball_mm = self.nearest_ball_mm.unwrap_or(f64::INFINITY);
             DepthLimits::new(visible.near_mm.min(ball_mm.max(0.0)), visible.far_mm)
         };
-        display.limits_between(self.limits, own)
+        let view_from_patient = self.camera.view_from_patient();
+        let depth_of = |[x, y, z]: [f64; 3]| -(view_from_patient * Point::<Patient>::new(x, y, z)).xyz.z;
+        display.limits_between(self.limits, own, depth_of)
     }
 
     /// View depth of a pixel (column, row).

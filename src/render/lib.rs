@@ -63,6 +63,7 @@ mod skipping;
 mod slices;
 mod store;
 mod surface;
+mod table_mark;
 mod table_rule;
 mod table_storage;
 mod tables;

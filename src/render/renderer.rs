@@ -13,6 +13,7 @@ use super::processor::{Processor, left_by_processor};
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
+use super::table_mark;
 use super::watch::{Progress, Watch};
 use crate::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, adapters};
 use relief_volume::{ContentHash, Volume};
@@ -219,6 +220,7 @@ impl Renderer {
         skipping: EmptySpaceSkipping,
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
+        let table = request.marked_table(volume);
         let volume = request.shown(volume);
         request.validate_on(volume.grid())?;
         let preparing = Instant::now();
@@ -235,6 +237,9 @@ impl Renderer {
                 frame
             }
         };
+        if let Some(table) = table {
+            table_mark::draw(&mut frame, volume.grid(), table);
+        }
         if request.letters {
             letters::burn(&mut frame);
         }

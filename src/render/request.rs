@@ -17,7 +17,7 @@ use super::pathtrace::PathTrace;
 use super::surface::Surface;
 use super::table_rule::TableRule;
 use relief_base::{Patient, Point, Vector};
-use relief_volume::{Camera, Grid, TransferFunction, Volume};
+use relief_volume::{Camera, Grid, Table, TransferFunction, Volume};
 
 /// Headlight shading at the eye, two-sided: `ambient + diffuse |n·v| + specular |n·v|^shininess`.
 ///
@@ -197,6 +197,12 @@ impl RenderRequest {
 }
 
 impl RenderRequest {
+    /// The table that a slice marks: pictures do not show it.
+    pub(super) fn marked_table<'a>(&self, volume: &'a Volume) -> Option<&'a Table> {
+        let marks = matches!((self.mode, self.table), (Mode::Slice(_), TableRule::Remove));
+        marks.then(|| volume.table()).flatten()
+    }
+
     /// The volume that a picture shows.
     pub(super) fn shown<'a>(&self, volume: &'a Volume) -> &'a Volume {
         match (self.mode, self.table) {

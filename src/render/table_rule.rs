@@ -2,11 +2,11 @@
 
 use serde::Deserialize;
 
-/// Whether a picture shows the table; slices always do.
+/// Whether a picture shows the table. Slices always do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableRule {
-    /// Air in its place; see [`relief_volume::Table`].
+    /// Air in its place (see [`relief_volume::Table`]); slices outline it.
     #[default]
     Remove,
     /// The voxels as they are.

@@ -187,6 +187,8 @@ mod tests {
             ("zoom", json!(orbit.zoom)),
             ("passes", json!(light.passes)),
             ("seed", json!(light.seed)),
+            ("scatterings", json!(light.scatterings)),
+            ("denoise", json!(light.denoise)),
             ("plane", json!(NamedPlane::Axial.name())),
             ("slab_blend", json!(SlabBlend::Mean.name())),
         ] {

@@ -84,6 +84,8 @@ const PARAMETERS: &[Parameter] = &[
     key("iso_hu", ParameterType::Number, "iso_hu"),
     key("passes", ParameterType::Whole(1), "path_trace.passes"),
     key("seed", ParameterType::Whole(1), "path_trace.seed"),
+    key("scatterings", ParameterType::Whole(1), "path_trace.scatterings"),
+    key("denoise", ParameterType::Flag, "path_trace.denoise"),
     key("lights", ParameterType::Text, "lights"),
     key("shadows", ParameterType::Number, "shading.shadows"),
     key("occlusion", ParameterType::Number, "shading.occlusion.strength"),
@@ -129,6 +131,7 @@ const PARAMETERS: &[Parameter] = &[
     key("view_span", ParameterType::Number, "display.view_span"),
     key("depth_filter", ParameterType::Text, "display.depth_filter"),
     key("depth_range", ParameterType::Text, "display.depth_range"),
+    key("screen_plane_mm", ParameterType::Numbers(3), "display.screen_plane"),
     key("near_mm", ParameterType::Number, "display.near_mm"),
     key("far_mm", ParameterType::Number, "display.far_mm"),
 ];

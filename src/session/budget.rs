@@ -20,7 +20,7 @@ pub const INTERACTIVE_MS: f64 = 36.0;
 /// Fixed cost of a ray in nominal samples: set-up, depth, read-back. Halving the sample distance made
 /// pictures of three series 1.1 to 1.6 times slower: 650 to 2500 for bone and skin.
 const RAY_SAMPLES: f64 = 768.0;
-/// Cost of a light path in nominal samples.
+/// Cost of a scattering of a light path in nominal samples.
 const PATH_SAMPLES: f64 = 256.0;
 
 /// Speed where none was measured, ms for a nominal sample: two cores without a graphics card.
@@ -174,7 +174,9 @@ impl Speed {
 /// Nominal samples of a picture.
 fn work(grid: &Grid, request: &RenderRequest, passes: u32) -> f64 {
     let [width, height] = request.reduced_px.unwrap_or(request.size_px).map(f64::from);
-    let paths = if request.mode == Mode::PathTraced { f64::from(passes) * PATH_SAMPLES } else { 0.0 };
+    let scatterings = f64::from(request.path_trace.scatterings);
+    let paths =
+        if request.mode == Mode::PathTraced { f64::from(passes) * scatterings * PATH_SAMPLES } else { 0.0 };
     width * height * (RAY_SAMPLES + request.samples_of_ray(grid) + paths)
 }
 

@@ -60,6 +60,7 @@ struct Derived {
     hash: OnceLock<ContentHash>,
     occupancy: OnceLock<Arc<Occupancy>>,
     anatomy: OnceLock<Anatomy>,
+    table: OnceLock<Option<Table>>,
     /// The volume with air in place of the table; `None` where there is no table.
     without_table: OnceLock<Option<Volume>>,
 }
@@ -168,16 +169,24 @@ impl Volume {
         })
     }
 
+    /// The table on which the patient lies, if there is one; computed once, then remembered by all
+    /// clones.
+    #[must_use]
+    pub fn table(&self) -> Option<&Table> {
+        self.derived.table.get_or_init(|| Table::find(self)).as_ref()
+    }
+
     /// The volume with air in place of its table (see [`Table`]), or the volume itself if it has no
     /// table; computed once, then remembered by all clones. It takes as much memory again.
     #[must_use]
     pub fn without_table(&self) -> &Self {
         let removed = self.derived.without_table.get_or_init(|| {
-            let (hash, table) = rayon::join(|| self.content_hash(), || Table::find(self));
+            let (hash, table) = rayon::join(|| self.content_hash(), || self.table());
             let table = table?;
             let shown = Self::new(self.grid.clone(), table.removed_from(self)).ok()?;
             let derived = Derived {
                 hash: OnceLock::from(hash.without_table()),
+                table: OnceLock::from(None),
                 without_table: OnceLock::from(None),
                 ..Derived::default()
             };

@@ -119,6 +119,11 @@ fn settings_that_do_not_fit_together_are_refused() {
     assert_eq!(narrow.path, "display.layout");
     let size = invalid(r#"{"profile": {"vz": 5, "frame_px": [0, 400]}}"#);
     assert_eq!((size.path, size.value.as_str()), ("display.profile.frame_px", "0x400"));
+    let placed = invalid(r#"{"screen_plane": [1, 2, 3], "near_mm": 100}"#);
+    assert_eq!(placed.path, "display.screen_plane");
+    assert!(placed.to_string().contains("null beside near_mm and far_mm"), "{placed}");
+    let distant = invalid(r#"{"screen_plane": [1, 2, 3e6]}"#);
+    assert_eq!((distant.path, distant.value.as_str()), ("display.screen_plane", "[1.0, 2.0, 3000000.0]"));
     let endless = DisplaySettings { far_mm: Some(f64::INFINITY), ..DisplaySettings::default() };
     assert_eq!(endless.validate().unwrap_err().path, "display.far_mm");
 }

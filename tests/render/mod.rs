@@ -22,6 +22,7 @@ mod memory;
 mod modes;
 mod overlays;
 mod pathtrace;
+mod pathtrace_peer;
 mod picks;
 mod pre_integrated;
 mod projections;

@@ -141,6 +141,45 @@ fn error_falls_with_the_square_root_of_the_passes() {
     }
 }
 
+/// Invariant: The denoiser removes noise that its guides explain, never adds much, and converges with
+/// the passes.
+#[test]
+fn sixteen_passes_without_noise_are_as_near_to_the_truth_as_many_more() {
+    let Some(mut renderer) = renderer("sixteen_passes_without_noise") else { return };
+    let volume = common::volume(PhantomKind::Head, 96);
+    let mut picture = |passes, denoise, seed| {
+        let scene =
+            SceneFile::default().with_preset("skin").with_mode(Mode::PathTraced).with_size([160, 120]);
+        let mut request = scene.resolve(volume.grid(), &relief_volume::Orbit::default()).unwrap().request;
+        (request.path_trace.passes, request.path_trace.denoise) = (passes, denoise);
+        request.path_trace.seed = seed;
+        renderer.render(&volume, &request).unwrap().color_rgba
+    };
+    let squares = |a: &[[u8; 4]], b: &[[u8; 4]]| {
+        let pixel = |(a, b): (&[u8; 4], &[u8; 4])| {
+            (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2)).sum::<f64>()
+        };
+        a.iter().zip(b).map(pixel).sum::<f64>() / (3 * a.len()) as f64
+    };
+    let converged = picture(1024, false, 2);
+    let [raw, many] =
+        [16, 128].map(|passes| picture(passes, false, 1)).map(|picture| squares(&picture, &converged));
+    let at_once = picture(16, true, 1);
+    let found = squares(&at_once, &converged);
+    let db = |squares: f64| 10.0 * (255.0f64.powi(2) / squares).log10();
+    println!(
+        "16 passes {:.1} dB, 64 passes {:.1} dB, 16 without noise {:.1} dB",
+        db(raw),
+        db(many),
+        db(found)
+    );
+    assert!(found < many, "{found} in place of {many}");
+    // A picture that continues another one has the same bytes.
+    picture(4, true, 1);
+    assert!(picture(16, true, 1) == at_once);
+    assert!(squares(&picture(16, false, 1), &converged) == raw, "the passes themselves have changed");
+}
+
 /// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
 /// is conserved.
 #[test]
@@ -258,6 +297,77 @@ fn a_furnace_gives_what_one_scattering_can_and_never_more() {
     (request.path_trace.environment, request.path_trace.exposure) = (0.25, 1.0);
     let brightest = linear(&renderer.render(&head, &request).unwrap(), 0).into_iter().fold(0.0, f64::max);
     assert!(brightest <= 0.255 && brightest > 0.1, "{brightest} in a furnace of 0.25");
+}
+
+/// Light that a slab of isotropic scatterers sends straight back to the eye for distant light from
+/// the given cosine, after at most so many scatterings: the source function of each scattering
+/// follows from that of the one before by an integral over the slab with the kernel E1, which is
+/// exact over cells by differences of E2.
+fn slab_scattered(extinction: f64, cosine: f64, albedo: f64, scatterings: usize) -> f64 {
+    let cells = 400;
+    let thickness = extinction * SLAB_MM;
+    let width = thickness / cells as f64;
+    let middle = |i: usize| (i as f64 + 0.5) * width;
+    let e2_at: Vec<f64> =
+        (0..=cells).map(|i| if i == 0 { 1.0 } else { e2((i as f64 - 0.5) * width) }).collect();
+    // The part of the light of a cell that arrives in the middle of another, for both sides.
+    let kernel = |i: usize, j: usize| match i.abs_diff(j) {
+        0 => 2.0 * (e2_at[0] - e2_at[1]),
+        apart => e2_at[apart] - e2_at[apart + 1],
+    };
+    let mut source: Vec<f64> = (0..cells).map(|i| albedo / 4.0 * (-middle(i) / cosine).exp()).collect();
+    let mut light = 0.0;
+    for _ in 0..scatterings {
+        light += (0..cells).map(|i| source[i] * (-middle(i)).exp() * width).sum::<f64>();
+        let next = |i: usize| (0..cells).map(|j| albedo / 2.0 * kernel(i, j) * source[j]).sum();
+        source = (0..cells).map(next).collect();
+    }
+    light
+}
+
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
+#[test]
+fn each_further_scattering_in_a_slab_is_its_integral_over_the_one_before() {
+    let Some(mut renderer) = renderer("each_further_scattering_in_a_slab") else { return };
+    let volume = common::volume(PhantomKind::Slab, 128);
+    let (extinction, albedo, angle_deg) = (0.08f64, 0.9f64, 30.0f64);
+    let (sine, cosine) = angle_deg.to_radians().sin_cos();
+    let once = slab_scattered(extinction, cosine, albedo, 1);
+    let direct = albedo * slab_scatter(extinction, cosine, 1.0);
+    assert!((once / direct - 1.0).abs() < 1e-3, "two quadratures: {once} and {direct}");
+    let mut before = 0.0;
+    for scatterings in [1, 2, 4, 16] {
+        // Colours of a transfer function are display-referred.
+        let white =
+            if albedo <= 0.003_130_8 { 12.92 * albedo } else { 1.055 * albedo.powf(1.0 / 2.4) - 0.055 };
+        let mut request = dark(&volume, slab_of(extinction, [white; 3]), along_y(10.0), 48);
+        request.lights = vec![distant([sine, 0.0, cosine])];
+        (request.path_trace.scatterings, request.path_trace.passes) = (scatterings, 128);
+        let expected = slab_scattered(extinction, cosine, albedo, scatterings as usize);
+        let found = mean_light(&mut renderer, &volume, &request);
+        println!("{scatterings} scatterings: {found:.5} for {expected:.5}");
+        assert!((found / expected - 1.0).abs() < 0.01, "{scatterings}: {found} for {expected}");
+        assert!(expected > 1.02 * before, "further scatterings add nothing: {expected} after {before}");
+        before = expected;
+    }
+}
+
+/// Invariant: Path-traced absorption, scattering and shadows follow their closed forms, and energy
+/// is conserved.
+#[test]
+fn a_furnace_is_as_bright_inside_as_outside_after_many_scatterings() {
+    let Some(mut renderer) = renderer("a_furnace_after_many_scatterings") else { return };
+    let volume = common::volume(PhantomKind::Slab, 128);
+    for (anisotropy, extinction) in [(0.0, 0.03f64), (0.6, 0.05), (-0.5, 0.02)] {
+        let mut request = dark(&volume, slab_of(extinction, [1.0; 3]), along_y(10.0), 48);
+        (request.path_trace.environment, request.path_trace.anisotropy) = (0.5, anisotropy);
+        (request.path_trace.scatterings, request.path_trace.passes) = (64, 64);
+        let expected = 0.5 * (1.0 - (-extinction * SLAB_MM).exp());
+        let found = mean_light(&mut renderer, &volume, &request);
+        println!("furnace, g {anisotropy}: {found:.4} for {expected:.4}");
+        assert!((found / expected - 1.0).abs() < 0.01, "g {anisotropy}: {found} for {expected}");
+    }
 }
 
 /// A ball whose HU fall by 60 per mm from its centre: 400 HU at 60 mm, and everywhere a gradient

@@ -3,7 +3,7 @@
 //! packed, and this depth is the f64 twin's.
 
 use relief_base::{Disparity, Point, ScaledDepth, Vector, ViewDepth};
-use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, Layout, Picture, decode_exr};
+use relief_display::{DecodedDepth, DepthFilter, DisplaySettings, Layout, Picture, ScreenPlane, decode_exr};
 use relief_render::{Clip, ClipPlane, ClipSphere, DepthRule, Mode, RenderRequest, RenderedFrame, SceneFile};
 use relief_session::{FileFormat, Product, encode};
 use relief_volume::{Orbit, Volume};
@@ -180,4 +180,32 @@ fn picks_are_what_every_layouts_frame_was_packed_from() {
         }
         assert!(compared > 1000, "{layout}: {compared}");
     }
+}
+
+/// A point of interest lies on the plane of the screen, and no visible surface is cut off for it.
+#[test]
+fn a_picked_point_lies_on_the_plane_of_the_screen() {
+    let Some(mut renderer) = renderer("a_picked_point_lies_on_the_plane_of_the_screen") else { return };
+    let volume = oblique_head();
+    let request = request(&volume, Mode::Composite, 20.0);
+    let frame = renderer.render(&volume, &request).unwrap();
+    let usual = frame.limits_for(&DisplaySettings::default()).unwrap();
+    let mut points = 0;
+    for pixel in
+        (0..SIZE[1]).step_by(5).flat_map(|row| (0..SIZE[0]).step_by(5).map(move |column| [column, row]))
+    {
+        let Some(point) = frame.pick(pixel) else { continue };
+        let screen_plane = Some(ScreenPlane::PointMm(point.xyz.to_array()));
+        let display = DisplaySettings { screen_plane, ..DisplaySettings::default() };
+        let limits = frame.limits_for(&display).unwrap();
+        let depth = f64::from(frame.depth_at(pixel).0);
+        if depth <= usual.near_mm || depth >= usual.far_mm {
+            continue; // an outlier
+        }
+        let disparity = display.profile().unwrap().disparity(limits.scaled(frame.depth_at(pixel)));
+        assert!((disparity.0 - 127.5).abs() < 0.1, "{pixel:?}: {disparity:?}");
+        assert!(limits.near_mm <= usual.near_mm + 1e-9 && limits.far_mm >= usual.far_mm - 1e-9, "{limits:?}");
+        points += 1;
+    }
+    assert!(points > 10, "{points} points");
 }

@@ -212,6 +212,52 @@ fn slices_leave_out_clipped_voxels() {
     }
 }
 
+/// A patient on a table: a cylinder of tissue along z above a plate, 2 mm apart from voxel to voxel.
+fn patient_on_a_table() -> Volume {
+    const SIDE: usize = 96;
+    let hu = |x: f64, y: f64| match (x.hypot(y / 0.7) < 60.0, (72.0..76.0).contains(&y) && x.abs() < 85.0) {
+        (true, _) => 40,
+        (_, true) => 120,
+        _ => -1000,
+    };
+    let at = |index: usize| index as f64 * 2.0 - 95.0;
+    let voxels = (0..SIDE.pow(3)).map(|i| hu(at(i % SIDE), at(i / SIDE % SIDE))).collect();
+    Volume::new(Grid::axis_aligned([SIDE; 3], [2.0; 3], [-95.0; 3]).unwrap(), voxels).unwrap()
+}
+
+/// Invariant: A slice outlines the table that pictures leave out, and changes no other pixel.
+#[test]
+fn slices_outline_the_table() {
+    const AMBER: [u8; 4] = [255, 176, 0, 255];
+    let Some(mut renderer) = renderer("slices_outline_the_table") else { return };
+    let volume = patient_on_a_table();
+    let table = volume.table().expect("a table");
+    let mut slice_of = |table: &str| {
+        let scene = format!(
+            r#"{{"mode": "slice", "size_px": [96, 96], "table": "{table}",
+                 "slice": {{"plane": "axial", "height_mm": 192, "letters": false}}}}"#
+        );
+        renderer.render(&volume, &slice(&volume, &scene)).unwrap()
+    };
+    let (marked, kept) = (slice_of("remove"), slice_of("keep"));
+    // One pixel is one voxel; the middle of the volume lies between two slices.
+    let is_table = |x: u32, y: u32| x < 96 && y < 96 && table.contains([x as usize, y as usize, 48]);
+    let mut outlined = 0;
+    for (([x, y], color, depth), (_, before, _)) in pixels(&marked).zip(pixels(&kept)) {
+        assert_ne!(before, AMBER, "{x}, {y}: marked although the table is kept");
+        let inside = x > 0 && x < 95 && y > 0 && y < 95;
+        let beside = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+        if inside && is_table(x, y) && beside.into_iter().any(|(x, y)| !is_table(x, y)) {
+            assert_eq!((color, depth.is_finite()), (AMBER, true), "{x}, {y}");
+            outlined += 1;
+        } else if inside {
+            assert_eq!(color, before, "{x}, {y}");
+        }
+    }
+    // The plate is 170 mm wide: both of its sides.
+    assert!(outlined > 2 * 80, "{outlined} pixels of outline");
+}
+
 #[test]
 fn gpu_and_twin_agree_on_slices_and_slabs() {
     let volume = oblique_head();

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use crate::choices::layouts;
 use crate::client::remote::RemoteArguments;
 use crate::scene::parse_size;
+use crate::slice::parse_triple;
 use relief_annotation::ShownSets;
 use relief_client::ServerAddress;
-use relief_display::{Layout, ProfileName};
+use relief_display::{Layout, ProfileName, ScreenPlane};
 use relief_live::{LiveLayout, OrbitPose, check_view_name};
 
 /// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
@@ -54,6 +55,10 @@ pub(crate) struct ClientArguments {
     /// Disparity on the screen plane that the display's header asks for
     #[arg(long, value_name = "0..255")]
     pub(crate) offset: Option<u8>,
+    /// What lies on the plane of the screen, where a display is sharpest: cursor, as it moves, or a
+    /// point of the patient, LPS mm
+    #[arg(long, value_name = "cursor|X,Y,Z", value_parser = parse_screen_plane, allow_hyphen_values = true)]
+    pub(crate) screen_plane: Option<ScreenPlane>,
     /// Size of the picture (in 2D-plus-depth layouts, of each half)
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) size: Option<[u32; 2]>,
@@ -150,6 +155,14 @@ Examples:
 
 fn view_name(name: &str) -> Result<String, String> {
     check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.reason)
+}
+
+fn parse_screen_plane(text: &str) -> Result<ScreenPlane, String> {
+    if text == "cursor" {
+        return Ok(ScreenPlane::Cursor);
+    }
+    let point = parse_triple(text).map(ScreenPlane::PointMm);
+    point.map_err(|expected| format!("it is cursor, or {expected}, in mm"))
 }
 
 fn profile_name(name: &str) -> Result<ProfileName, String> {

@@ -32,7 +32,7 @@ impl Session {
         let settings = (settings != Settings::default()).then_some(settings);
         if role == Role::Watcher && (settings.is_some() || arguments.look.is_some()) {
             bail!(
-                "a watcher sees what presenters show: leave --preset, --look, --layout, --profile, --factor, --offset and --annotations out"
+                "a watcher sees what presenters show: leave --preset, --look, --layout, --profile, --factor, --offset, --screen-plane and --annotations out"
             );
         }
         if role == Role::Watcher && arguments.remote.is_there() {
@@ -91,6 +91,7 @@ fn display_of(arguments: &ClientArguments) -> anyhow::Result<DisplaySettings> {
         profile: arguments.profile.map(ProfileSetting::Named),
         factor: arguments.factor.unwrap_or(usual.factor),
         offset: arguments.offset.unwrap_or(usual.offset),
+        screen_plane: arguments.screen_plane,
         ..usual
     };
     display.validate()?;

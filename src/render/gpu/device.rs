@@ -157,6 +157,30 @@ impl Readback {
         Self { storage, staging, bytes }
     }
 
+    /// Brings the content of a buffer back that is seldom read: it has to be usable as a copy's
+    /// source.
+    pub(crate) fn once<T>(
+        gpu: &Gpu,
+        label: &'static str,
+        storage: &wgpu::Buffer,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, GpuError> {
+        let bytes = storage.size();
+        let scope = ErrorScope::open(gpu, label);
+        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let readback = Self { storage: storage.clone(), staging, bytes };
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        readback.record(&mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        scope.close()?;
+        readback.read(gpu, read)
+    }
+
     /// Records the copy from device to host.
     pub(crate) fn record(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.copy_buffer_to_buffer(&self.storage, 0, &self.staging, 0, self.bytes);

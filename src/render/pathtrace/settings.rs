@@ -24,6 +24,11 @@ pub struct PathTrace {
     pub surface: f64,
     /// Gradient at which the surface's share is half of that, HU per mm.
     pub surface_hu_per_mm: f64,
+    /// How often light scatters on its way to the eye, at most. With one scattering, shadows are
+    /// as dark as the surroundings leave them; more fill them with light from neighbouring tissue.
+    pub scatterings: u32,
+    /// Whether noise is removed from the finished picture.
+    pub denoise: bool,
 }
 
 impl Default for PathTrace {
@@ -37,6 +42,8 @@ impl Default for PathTrace {
             anisotropy: 0.0,
             surface: 1.0,
             surface_hu_per_mm: 25.0,
+            scatterings: 1,
+            denoise: false,
         }
     }
 }
@@ -46,8 +53,11 @@ impl PathTrace {
     pub const MAX_PASSES: u32 = 16_384;
     /// Largest seed.
     pub const MAX_SEED: u32 = 65_535;
-    /// Most paths of a picture, all passes together: minutes of a software adapter.
-    pub const MAX_PATHS: u64 = 1 << 29;
+    /// Most scatterings of a path.
+    pub const MAX_SCATTERINGS: u32 = 64;
+    /// Most collisions of a picture, all passes and scatterings together: minutes of a software
+    /// adapter.
+    pub const MAX_COLLISIONS: u64 = 1 << 29;
 
     /// The lights of a request that names none: a large warm one from the upper left, a faint one
     /// from the right.
@@ -66,7 +76,7 @@ impl PathTrace {
     }
 
     /// Checks ranges, and that a picture of the given number of pixels is within
-    /// [`PathTrace::MAX_PATHS`].
+    /// [`PathTrace::MAX_COLLISIONS`].
     pub(crate) fn validate(&self, pixels: Option<u64>) -> Result<(), RequestError> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let path = format!("path_trace.{key}");
@@ -80,11 +90,15 @@ impl PathTrace {
         within("exposure", self.exposure, 0.001, 1000.0)?;
         within("anisotropy", self.anisotropy, -0.95, 0.95)?;
         within("surface", self.surface, 0.0, 1.0)?;
+        within("scatterings", f64::from(self.scatterings), 1.0, f64::from(Self::MAX_SCATTERINGS))?;
         within("surface_hu_per_mm", self.surface_hu_per_mm, 0.01, 10_000.0)?;
         let Some(pixels) = pixels else { return Ok(()) };
-        let most = Self::MAX_PATHS / pixels.max(1);
+        let most = Self::MAX_COLLISIONS / (pixels.max(1) * u64::from(self.scatterings));
         if u64::from(self.passes) > most {
-            let allowed = format!("at most {most} for a picture of this size");
+            let allowed = match self.scatterings {
+                1 => format!("at most {most} for a picture of this size"),
+                count => format!("at most {most} for a picture of this size with {count} scatterings"),
+            };
             return Err(RequestError::new("path_trace.passes", &self.passes, &allowed));
         }
         Ok(())

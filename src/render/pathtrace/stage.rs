@@ -1,53 +1,92 @@
-//! The path tracing stage: its sources, its bindings and its pipeline.
+//! The compute stages of the path tracer: their sources, bindings and pipelines.
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 
-/// The stage's sources, in the order in which they are joined.
-pub(super) const PATHTRACE_SOURCES: [&str; 8] = [
-    include_str!("../../../shaders/lib/frame.wgsl"),
-    include_str!("../../../shaders/lib/volume.wgsl"),
-    include_str!("../../../shaders/lib/path.wgsl"),
-    include_str!("../../../shaders/lib/random.wgsl"),
-    include_str!("../../../shaders/lib/tracking.wgsl"),
-    include_str!("../../../shaders/lib/direction.wgsl"),
-    include_str!("../../../shaders/lib/scatter.wgsl"),
-    include_str!("../../../shaders/pathtrace.wgsl"),
-];
+/// What distinguishes a stage. Group 0 is shared with the ray caster, and both stages begin with
+/// the same files and bindings.
+pub(super) struct StageParts {
+    /// Of the shader and of its entry point.
+    name: &'static str,
+    /// In the order in which they are joined.
+    pub(super) sources: &'static [&'static str],
+    /// The resources: group, binding and name.
+    pub(super) bindings: &'static [(u32, u32, &'static str)],
+}
 
-/// The stage's resources by group and binding; group 0 is shared with the ray caster.
-pub(super) const BINDINGS: [(u32, u32, &str); 8] = [
-    (0, 0, "frame"),
-    (0, 1, "volume"),
-    (0, 2, "volume_sampler"),
-    (1, 0, "path"),
-    (1, 1, "brick_bounds"),
-    (1, 2, "medium_table"),
-    (1, 3, "sums"),
-    (1, 4, "picture"),
-];
+/// Follows light paths.
+pub(super) const PATHTRACE: StageParts = StageParts {
+    name: "pathtrace",
+    sources: &[
+        include_str!("../../../shaders/lib/frame.wgsl"),
+        include_str!("../../../shaders/lib/volume.wgsl"),
+        include_str!("../../../shaders/lib/path.wgsl"),
+        include_str!("../../../shaders/lib/random.wgsl"),
+        include_str!("../../../shaders/lib/tracking.wgsl"),
+        include_str!("../../../shaders/lib/direction.wgsl"),
+        include_str!("../../../shaders/lib/scatter.wgsl"),
+        include_str!("../../../shaders/pathtrace.wgsl"),
+    ],
+    bindings: &[
+        (0, 0, "frame"),
+        (0, 1, "volume"),
+        (0, 2, "volume_sampler"),
+        (1, 0, "path"),
+        (1, 1, "brick_bounds"),
+        (1, 2, "medium_table"),
+        (1, 3, "sums"),
+        (1, 4, "picture"),
+        (1, 5, "odd_sums"),
+    ],
+};
 
-/// The compiled stage.
+/// Computes what guides the denoiser.
+pub(super) const GUIDES: StageParts = StageParts {
+    name: "guide",
+    sources: &[
+        include_str!("../../../shaders/lib/frame.wgsl"),
+        include_str!("../../../shaders/lib/volume.wgsl"),
+        include_str!("../../../shaders/lib/path.wgsl"),
+        include_str!("../../../shaders/lib/random.wgsl"),
+        include_str!("../../../shaders/lib/tracking.wgsl"),
+        include_str!("../../../shaders/lib/direction.wgsl"),
+        include_str!("../../../shaders/lib/scatter.wgsl"),
+        include_str!("../../../shaders/guides.wgsl"),
+    ],
+    bindings: &[
+        (0, 0, "frame"),
+        (0, 1, "volume"),
+        (0, 2, "volume_sampler"),
+        (1, 0, "path"),
+        (1, 1, "brick_bounds"),
+        (1, 2, "medium_table"),
+        (1, 3, "guides"),
+    ],
+};
+
+/// A compiled stage.
 pub(super) struct Stage {
+    name: &'static str,
     pub(super) pipeline: wgpu::ComputePipeline,
-    pub(super) layouts: [wgpu::BindGroupLayout; 2],
+    layouts: [wgpu::BindGroupLayout; 2],
 }
 
 impl Stage {
     /// `hu_scale` is the HU of a texel value of 1.
-    pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &Gpu, parts: &StageParts, hu_scale: f64) -> Result<Self, GpuError> {
+        let name = parts.name;
         let scope = ErrorScope::open(gpu, "the path tracing shader");
-        let module = gpu.shader("pathtrace", &PATHTRACE_SOURCES);
-        let layouts = [0, 1].map(|group| bind_group_layout(gpu, group));
+        let module = gpu.shader(name, parts.sources);
+        let layouts = [0, 1].map(|group| bind_group_layout(gpu, parts, group));
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("pathtrace"),
+            label: Some(name),
             bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
             immediate_size: 0,
         });
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("pathtrace"),
+            label: Some(name),
             layout: Some(&layout),
             module: &module,
-            entry_point: Some("pathtrace"),
+            entry_point: Some(name),
             compilation_options: wgpu::PipelineCompilationOptions {
                 constants: &[("HU_SCALE", hu_scale)],
                 ..Default::default()
@@ -55,12 +94,33 @@ impl Stage {
             cache: None,
         });
         scope.close()?;
-        Ok(Self { pipeline, layouts })
+        Ok(Self { name, pipeline, layouts })
+    }
+
+    /// Binds the resources of both groups, in the order of their bindings.
+    pub(super) fn bind(
+        &self,
+        gpu: &Gpu,
+        resources: [Vec<wgpu::BindingResource<'_>>; 2],
+    ) -> [wgpu::BindGroup; 2] {
+        let [first, second] = resources;
+        let group = |layout, resources: Vec<wgpu::BindingResource<'_>>| {
+            let entries: Vec<_> = (0..)
+                .zip(resources)
+                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some(self.name),
+                layout,
+                entries: &entries,
+            })
+        };
+        [group(&self.layouts[0], first), group(&self.layouts[1], second)]
     }
 }
 
-fn bind_group_layout(gpu: &Gpu, group: u32) -> wgpu::BindGroupLayout {
-    let of_group = BINDINGS.iter().filter(|(of, _, _)| *of == group);
+fn bind_group_layout(gpu: &Gpu, parts: &StageParts, group: u32) -> wgpu::BindGroupLayout {
+    let of_group = parts.bindings.iter().filter(|(of, _, _)| *of == group);
     let entries: Vec<_> = of_group
         .map(|&(_, binding, name)| wgpu::BindGroupLayoutEntry {
             binding,
@@ -70,7 +130,7 @@ fn bind_group_layout(gpu: &Gpu, group: u32) -> wgpu::BindGroupLayout {
         })
         .collect();
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("pathtrace"),
+        label: Some(parts.name),
         entries: &entries,
     })
 }

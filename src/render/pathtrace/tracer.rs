@@ -1,8 +1,10 @@
 //! Runs passes and keeps their sums, so that a picture of more passes continues where one of fewer
 //! ended.
 
+use super::denoise::{NoisyPicture, denoised, display_referred};
 use super::medium::Medium;
-use super::stage::Stage;
+use super::stage::{GUIDES, PATHTRACE, Stage};
+use super::sums::Sums;
 use super::uniform::PathUniform;
 use crate::bands::{Bands, Dispatch};
 use crate::error::RenderError;
@@ -10,20 +12,22 @@ use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
 use crate::limits::depth_limits;
 use crate::region::Region;
 use crate::request::RenderRequest;
-use crate::request_error::RequestError;
 use crate::skipping::EmptySpaceSkipping;
 use crate::uniform::FrameUniform;
 use crate::upload::{Appearance, VolumeOnGpu};
 use crate::watch::Watch;
 use relief_volume::{ContentHash, Volume};
 
-/// Paths of one dispatch: short enough for drivers that stop long ones and for those who wait for a
+/// Collisions of one dispatch: short enough for drivers that stop long ones and for those who wait for a
 /// picture to be cancelled, long enough not to matter.
-const PATHS_OF_DISPATCH: u64 = 1 << 18;
+const COLLISIONS_OF_DISPATCH: u64 = 1 << 18;
 
 /// The path tracer of one device.
 pub(crate) struct PathTracer {
     stage: Stage,
+    /// Made on first use.
+    guide_stage: Option<Stage>,
+    hu_scale: f64,
     frame: wgpu::Buffer,
     path: wgpu::Buffer,
     /// Of the last request.
@@ -44,21 +48,10 @@ pub(crate) struct PathTraceJob<'a> {
     pub(crate) bands: Bands,
 }
 
-/// The accumulated passes, and their request.
-struct Sums {
-    volume: ContentHash,
-    /// Without the number of passes, which may differ between pictures that share passes.
-    request: RenderRequest,
-    passes: u32,
-    pixels: u64,
-    buffer: wgpu::Buffer,
-    picture: Readback,
-}
-
 impl PathTracer {
     /// `hu_scale` is the HU of a texel value of 1.
     pub(crate) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
-        let stage = Stage::new(gpu, hu_scale)?;
+        let stage = Stage::new(gpu, &PATHTRACE, hu_scale)?;
         let scope = ErrorScope::open(gpu, "the path tracer");
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -71,13 +64,13 @@ impl PathTracer {
         let (frame, path) =
             (uniform("frame", size_of::<FrameUniform>()), uniform("path", size_of::<PathUniform>()));
         scope.close()?;
-        Ok(Self { stage, frame, path, medium: None, sums: None })
+        Ok(Self { stage, guide_stage: None, hu_scale, frame, path, medium: None, sums: None })
     }
 
     /// Releases the data of a volume.
     pub(crate) fn forget(&mut self, volume: ContentHash) {
         self.medium = self.medium.take().filter(|medium| !medium.is_of(volume));
-        self.sums = self.sums.take().filter(|sums| sums.volume != volume);
+        self.sums = self.sums.take().filter(|sums| !sums.is_of(volume));
     }
 
     /// The picture of a request: rows from the top, sRGB and coverage.
@@ -97,9 +90,65 @@ impl PathTracer {
         };
         // What failed half-way is not kept: its sums may hold half a pass.
         self.add_passes(order, &mut sums, watch)?;
-        let picture = sums.picture.read(gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
+        let mut picture: Vec<[u8; 4]> =
+            sums.picture.read(gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
+        if request.path_trace.denoise {
+            picture = self.denoise(order, &mut sums, watch)?;
+        }
         self.sums = Some(sums);
         Ok(picture)
+    }
+
+    /// The finished picture without its noise.
+    fn denoise(
+        &mut self,
+        order: PathTraceJob<'_>,
+        sums: &mut Sums,
+        watch: &mut Watch<'_>,
+    ) -> Result<Vec<[u8; 4]>, RenderError> {
+        let PathTraceJob { gpu, request, .. } = order;
+        if sums.guides.is_none() {
+            let buffer = sums.guide_buffer(gpu, request)?;
+            self.make_guides(order, &buffer, watch)?;
+            sums.guides = Some(buffer);
+        }
+        let guides = sums.guides.as_ref().expect("made before");
+        let pixels = |bytes: &[u8]| bytemuck::pod_collect_to_vec(bytes);
+        let noisy = NoisyPicture {
+            size_px: request.size_px,
+            passes: sums.passes,
+            all: Readback::once(gpu, "sums of light", &sums.all, pixels)?,
+            odd: Readback::once(gpu, "sums of odd passes", &sums.odd, pixels)?,
+            guides: Readback::once(gpu, "guides", guides, bytemuck::pod_collect_to_vec)?,
+        };
+        Ok(display_referred(&denoised(&noisy), request))
+    }
+
+    fn make_guides(
+        &mut self,
+        order: PathTraceJob<'_>,
+        guides: &wgpu::Buffer,
+        watch: &mut Watch<'_>,
+    ) -> Result<(), RenderError> {
+        let PathTraceJob { gpu, volume, request, bands, .. } = order;
+        let stage = match &mut self.guide_stage {
+            Some(stage) => stage,
+            none => none.insert(Stage::new(gpu, &GUIDES, self.hu_scale)?),
+        };
+        let medium = self.medium.as_ref().expect("uploaded before");
+        let [first, mut second] = shared_resources(order, &self.frame, &self.path, medium);
+        second.push(guides.as_entire_binding());
+        let groups = stage.bind(gpu, [first, second]);
+        let dispatch = Dispatch {
+            gpu,
+            region: Region::whole(request.size_px),
+            bands: bands.for_rays(4.0 * request.samples_of_ray(volume.grid())),
+            uniform: &self.frame,
+            pipeline: &stage.pipeline,
+            groups: &[&groups[0], &groups[1]],
+        };
+        dispatch.submit(None, |_| (), watch)?;
+        Ok(gpu.wait("the guides of the denoiser")?)
     }
 
     fn add_passes(
@@ -114,7 +163,9 @@ impl PathTracer {
         let mut uniform = PathUniform::new(request, near_mm, &medium.table, order.on_gpu.plan.brick_edge);
         let frame = FrameUniform::new(request, volume, order.appearance, EmptySpaceSkipping::On);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
-        let groups = self.bind(order, medium, sums);
+        let [first, mut second] = shared_resources(order, &self.frame, &self.path, medium);
+        second.extend([&sums.all, &sums.picture.storage, &sums.odd].map(wgpu::Buffer::as_entire_binding));
+        let groups = self.stage.bind(gpu, [first, second]);
         let dispatch = Dispatch {
             gpu,
             region: Region::whole(request.size_px),
@@ -123,9 +174,8 @@ impl PathTracer {
             pipeline: &self.stage.pipeline,
             groups: &[&groups[0], &groups[1]],
         };
-        let at_once = u32::try_from(PATHS_OF_DISPATCH / sums.pixels.min(bands.pixels.into()))
-            .unwrap_or(u32::MAX)
-            .max(1);
+        let collisions = sums.pixels.min(bands.pixels.into()) * u64::from(request.path_trace.scatterings);
+        let at_once = u32::try_from(COLLISIONS_OF_DISPATCH / collisions).unwrap_or(u32::MAX).max(1);
         let wanted = request.path_trace.passes;
         watch.continues(sums.passes);
         loop {
@@ -149,78 +199,24 @@ impl PathTracer {
             }
         }
     }
-
-    fn bind(&self, order: PathTraceJob<'_>, medium: &Medium, sums: &Sums) -> [wgpu::BindGroup; 2] {
-        let shared = vec![
-            self.frame.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&order.on_gpu.view),
-            wgpu::BindingResource::Sampler(order.sampler),
-        ];
-        let own = vec![
-            self.path.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&medium.bounds),
-            medium.table_buffer.as_entire_binding(),
-            sums.buffer.as_entire_binding(),
-            sums.picture.storage.as_entire_binding(),
-        ];
-        let group = |layout, resources: Vec<wgpu::BindingResource<'_>>| {
-            let entries: Vec<_> = (0..)
-                .zip(resources)
-                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-                .collect();
-            order.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("pathtrace"),
-                layout,
-                entries: &entries,
-            })
-        };
-        let [first, second] = &self.stage.layouts;
-        [group(first, shared), group(second, own)]
-    }
 }
 
-impl Sums {
-    /// Empty sums, in the buffers of old ones where they have the size.
-    fn new(
-        gpu: &Gpu,
-        volume: ContentHash,
-        request: &RenderRequest,
-        old: Option<Self>,
-    ) -> Result<Self, RenderError> {
-        let request_of_sums = without_passes(request);
-        let [width, height] = request.size_px;
-        let pixels = u64::from(width) * u64::from(height);
-        if let Some(old) = old.filter(|old| old.pixels == pixels) {
-            return Ok(Self { volume, request: request_of_sums, passes: 0, ..old });
-        }
-        let limit = gpu.limits().storage_bytes;
-        if pixels * 16 > limit {
-            let allowed = format!("at most {} pixels in mode path-traced on this adapter", limit / 16);
-            return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed).into());
-        }
-        let scope = ErrorScope::open(gpu, "a path-traced picture");
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("sums of light"),
-            size: pixels * 16,
-            usage: wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let picture = Readback::new(gpu, "path-traced picture", pixels * 4);
-        scope.close()?;
-        Ok(Self { volume, request: request_of_sums, passes: 0, pixels, buffer, picture })
-    }
-
-    /// Whether more passes, or none, make this the picture of that request.
-    fn can_become(&self, volume: ContentHash, request: &RenderRequest) -> bool {
-        self.volume == volume
-            && self.passes <= request.path_trace.passes
-            && self.request == without_passes(request)
-    }
-}
-
-/// The request but for the number of passes.
-fn without_passes(request: &RenderRequest) -> RenderRequest {
-    let mut request = request.clone();
-    request.path_trace.passes = 0;
-    request
+/// The resources that both stages begin with, by group.
+fn shared_resources<'a>(
+    order: PathTraceJob<'a>,
+    frame: &'a wgpu::Buffer,
+    path: &'a wgpu::Buffer,
+    medium: &'a Medium,
+) -> [Vec<wgpu::BindingResource<'a>>; 2] {
+    let of_volume = vec![
+        frame.as_entire_binding(),
+        wgpu::BindingResource::TextureView(&order.on_gpu.view),
+        wgpu::BindingResource::Sampler(order.sampler),
+    ];
+    let of_path = vec![
+        path.as_entire_binding(),
+        wgpu::BindingResource::TextureView(&medium.bounds),
+        medium.table_buffer.as_entire_binding(),
+    ];
+    [of_volume, of_path]
 }

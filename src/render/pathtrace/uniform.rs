@@ -34,8 +34,8 @@ pub(super) struct PathUniform {
     table_step_hu: f32,
     table_last: u32,
     brick_edge: u32,
-    padding_a: u32,
-    padding_b: u32,
+    scatterings: u32,
+    padding: u32,
     lights: [LightUniform; Light::MAX],
 }
 
@@ -63,8 +63,8 @@ impl PathUniform {
             table_step_hu: table.step_hu,
             table_last: (table.entries.len() - 1) as u32,
             brick_edge: brick_edge as u32,
-            padding_a: 0,
-            padding_b: 0,
+            scatterings: settings.scatterings,
+            padding: 0,
             lights,
         }
     }
@@ -89,13 +89,14 @@ impl LightUniform {
 mod tests {
     use std::mem::{offset_of, size_of};
 
-    use super::super::stage::{BINDINGS, PATHTRACE_SOURCES};
+    use super::super::denoise::Guide;
+    use super::super::stage::{GUIDES, PATHTRACE, StageParts};
     use super::{LightUniform, PathUniform};
     use crate::light::Light;
     use crate::pipelines::WORKGROUP_SIDE;
 
-    fn reflected() -> naga::Module {
-        naga::front::wgsl::parse_str(&PATHTRACE_SOURCES.join("\n")).expect("the shader parses")
+    fn reflected(stage: &StageParts) -> naga::Module {
+        naga::front::wgsl::parse_str(&stage.sources.join("\n")).expect("the shader parses")
     }
 
     fn members(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
@@ -112,10 +113,10 @@ mod tests {
 
     #[test]
     fn path_uniform_mirrors_the_shader() {
-        let module = reflected();
+        let module = reflected(&PATHTRACE);
         let path = mirror!(
             PathUniform: first_pass, passes, seed, light_count, environment, exposure, background, anisotropy,
-            surface, surface_hu_per_mm, table_first_hu, table_step_hu, table_last, brick_edge, padding_a, padding_b,
+            surface, surface_hu_per_mm, table_first_hu, table_step_hu, table_last, brick_edge, scatterings, padding,
             lights,
         );
         assert_eq!(path, members(&module, "Path"));
@@ -129,17 +130,29 @@ mod tests {
     }
 
     #[test]
-    fn bindings_and_workgroup_mirror_the_shader() {
-        let module = reflected();
-        let mut bindings: Vec<(u32, u32, &str)> = module
-            .global_variables
-            .iter()
-            .filter_map(|(_, g)| g.binding.map(|at| (at.group, at.binding, g.name.as_deref().unwrap())))
-            // Fields of shared shader files that only the ray caster uses.
-            .filter(|(_, _, name)| !["bricks", "brick_distances", "gradients"].contains(name))
-            .collect();
-        bindings.sort_unstable();
-        assert_eq!(bindings, BINDINGS);
-        assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+    fn bindings_and_workgroup_mirror_the_shaders() {
+        for stage in [&PATHTRACE, &GUIDES] {
+            let module = reflected(stage);
+            let mut bindings: Vec<(u32, u32, &str)> = module
+                .global_variables
+                .iter()
+                .filter_map(|(_, g)| g.binding.map(|at| (at.group, at.binding, g.name.as_deref().unwrap())))
+                // Fields of shared shader files that only the ray caster uses.
+                .filter(|(_, _, name)| !["bricks", "brick_distances", "gradients"].contains(name))
+                .collect();
+            bindings.sort_unstable();
+            assert_eq!(bindings, stage.bindings);
+            assert_eq!(module.entry_points[0].workgroup_size, [WORKGROUP_SIDE, WORKGROUP_SIDE, 1]);
+        }
+    }
+
+    #[test]
+    fn guides_mirror_the_shader() {
+        let guide =
+            mirror!(Guide: albedo, coverage, normal, distance_mm, light, unused_a, shadowed, unused_b);
+        let (members, span) = members(&reflected(&GUIDES), "Guide");
+        assert_eq!((guide.1, members.len()), (span, 4));
+        let places: Vec<u32> = guide.0.iter().step_by(2).map(|(_, offset)| *offset).collect();
+        assert_eq!(places, members.iter().map(|(_, offset)| *offset).collect::<Vec<_>>());
     }
 }

@@ -82,6 +82,8 @@ pub(super) struct PathTraceFile {
     anisotropy: Option<f64>,
     surface: Option<f64>,
     surface_hu_per_mm: Option<f64>,
+    scatterings: Option<Whole>,
+    denoise: Option<bool>,
 }
 
 /// The lights of a request; where none are written, those that are usual for its mode.
@@ -126,6 +128,11 @@ impl PathTraceFile {
         Self { passes: Some(Whole(passes)), ..self }
     }
 
+    pub(super) fn with_light(self, scatterings: Option<u32>, denoise: Option<bool>) -> Self {
+        let scatterings = scatterings.map(Whole).or(self.scatterings);
+        Self { scatterings, denoise: denoise.or(self.denoise), ..self }
+    }
+
     pub(super) fn resolve(self) -> PathTrace {
         let usual = PathTrace::default();
         PathTrace {
@@ -137,6 +144,8 @@ impl PathTraceFile {
             anisotropy: self.anisotropy.unwrap_or(usual.anisotropy),
             surface: self.surface.unwrap_or(usual.surface),
             surface_hu_per_mm: self.surface_hu_per_mm.unwrap_or(usual.surface_hu_per_mm),
+            scatterings: self.scatterings.map_or(usual.scatterings, |count| count.0),
+            denoise: self.denoise.unwrap_or(usual.denoise),
         }
     }
 }
@@ -153,6 +162,12 @@ mod tests {
             (r#"{"path_trace":{"passes":0}}"#, &["path_trace.passes is 0", "1 to 16384"][..]),
             (r#"{"path_trace":{"pases":1}}"#, &["path_trace.pases", "unknown field"]),
             (r#"{"path_trace":{"seed":65536}}"#, &["path_trace.seed is 65536", "0 to 65535"]),
+            (r#"{"path_trace":{"scatterings":0}}"#, &["path_trace.scatterings is 0", "1 to 64"]),
+            (r#"{"path_trace":{"denoise":1}}"#, &["path_trace.denoise", "integer `1`", "a boolean"]),
+            (
+                r#"{"mode":"path-traced","size_px":[4096,4096],"path_trace":{"passes":5,"scatterings":8}}"#,
+                &["path_trace.passes is 5", "at most 4 for a picture of this size with 8 scatterings"],
+            ),
             (r#"{"path_trace":[1]}"#, &["path_trace: found an array"]),
             (
                 r#"{"mode":"path-traced","size_px":[4096,4096],"path_trace":{"passes":33}}"#,

@@ -159,6 +159,7 @@ pub struct SceneFile {
     annotations: ShownSets,
     lights: Option<LightsFile>,
     path_trace: Option<PathTraceFile>,
+    #[serde(deserialize_with = "parts::display_of_picture")]
     display: DisplaySettings,
 }
 
@@ -276,6 +277,13 @@ impl SceneFile {
     #[must_use]
     pub fn with_passes(self, passes: u32) -> Self {
         let path_trace = self.path_trace.unwrap_or_default().with_passes(passes);
+        Self { path_trace: Some(path_trace), ..self }
+    }
+
+    /// Replaces how often light scatters and whether noise is removed, in mode path-traced.
+    #[must_use]
+    pub fn with_light(self, scatterings: Option<u32>, denoise: Option<bool>) -> Self {
+        let path_trace = self.path_trace.unwrap_or_default().with_light(scatterings, denoise);
         Self { path_trace: Some(path_trace), ..self }
     }
 

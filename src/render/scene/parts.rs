@@ -9,7 +9,7 @@ use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
 use crate::request_error::RequestError;
 use relief_base::{Point, Vector};
-use relief_display::DisplaySettings;
+use relief_display::{DisplaySettings, ScreenPlane};
 use relief_volume::{Preset, PresetMode};
 
 #[derive(Clone, Debug, Deserialize)]
@@ -26,6 +26,18 @@ fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D
     let shown: String = name.chars().take(40).collect();
     let unknown = || format!("no depth rule {shown:?}; allowed: {}", DepthRule::names().join(", "));
     DepthRule::from_name(&name).ok_or_else(|| serde::de::Error::custom(unknown()))
+}
+
+/// A picture has no cursor: only a live view, which has its display settings elsewhere.
+pub(super) fn display_of_picture<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<DisplaySettings, D::Error> {
+    let display = DisplaySettings::deserialize(deserializer)?;
+    if display.screen_plane == Some(ScreenPlane::Cursor) {
+        let reason = "screen_plane is \"cursor\", which only live views have; allowed: a point [x, y, z] in mm or null";
+        return Err(serde::de::Error::custom(reason));
+    }
+    Ok(display)
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

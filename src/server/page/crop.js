@@ -18,16 +18,19 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 /** Query parameters of the visible part of the volume. */
 export function cropQuery(state) {
-  const { crop, table } = state;
+  const { crop } = state;
   const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
-  return { ...box, ...planesQuery(state), ...(table === "keep" ? { table } : {}) };
+  return { ...box, ...planesQuery(state), ...tableQuery(state) };
 }
+
+/** Query parameters of the table: pictures show it, or leave it out and outline it in slices. */
+export const tableQuery = ({ table }) => (table === "keep" ? { table } : {});
 
 /** The part of the address for the crop box, the planes and the table; defaults are left out. */
 export function keptCrop(state) {
-  const { crop, table } = state;
+  const { crop } = state;
   const box = crop ? { crop: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
-  return { ...box, ...keptPlanes(state), ...(table === "keep" ? { table } : {}) };
+  return { ...box, ...keptPlanes(state), ...tableQuery(state) };
 }
 
 /** Reads box, planes and table from an address. */

@@ -5,7 +5,7 @@
 // picture.
 
 import { signIn } from "./identity.js";
-import { cropQuery } from "./crop.js";
+import { cropQuery, tableQuery } from "./crop.js";
 import { labelQuery } from "./labels.js";
 import { lightQuery } from "./light.js";
 import { fitOf, orbitQuery } from "./orbit.js";
@@ -26,6 +26,8 @@ const MOVING_PASSES = 1;
 const FIRST_PASSES = 2;
 const MOST_PASSES = 256;
 const REFINING_MS = 1500;
+/** How often light scatters at most in path-traced pictures. */
+const SCATTERINGS = 4;
 
 /** Number of retries if the server is busy, and the longest delay between them, ms. */
 const MOST_TRIES = 8;
@@ -40,7 +42,7 @@ export function stillSize(width, height, ratio) {
 /** Query parameters of the look of the volume, without size and layout; `fit` corrects the zoom for the shape of the picture. */
 function lookQuery(state, aspect, fit, moving = false) {
   const labels = labelQuery(state);
-  if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...labels };
+  if (state.slice.plane) return { ...sliceQuery(state.slice, state.volume, aspect), ...tableQuery(state), ...labels };
   const surface = state.mode === "isosurface" && state.iso !== null ? { iso_hu: state.iso } : {};
   // An empty list of overlays needs no parameter.
   const overlays = state.overlays.length ? { overlay: state.overlays.join(",") } : {};
@@ -61,7 +63,9 @@ function lookQuery(state, aspect, fit, moving = false) {
 export function stageQuery(state, [width, height], layout, { passes, moving = false } = {}) {
   const look = lookQuery(state, width / height, fitOf([width, height], state.volume), moving);
   const query = { ...look, ...budget(moving), size_px: `${width},${height}`, layout, depth_filter: state.depthFilter };
-  return new URLSearchParams(passes === undefined ? query : { ...query, passes });
+  if (passes === undefined) return new URLSearchParams(query);
+  const light = { passes, scatterings: SCATTERINGS, ...(moving ? {} : { denoise: true }) };
+  return new URLSearchParams({ ...query, ...light });
 }
 
 /** Passes of the first requested picture; undefined in modes without passes. */

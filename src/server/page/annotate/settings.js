@@ -60,7 +60,8 @@ export const pageFacts = {
 };
 
 /** Crop, clip planes and table of the 3D view. */
-function onCrop(model, pane) {
+function onCrop(model, panes) {
+  const [pane] = panes;
   const layer = document.createElement("div");
   Object.assign(layer, { className: "crop-layer", hidden: true });
   layer.innerHTML = '<svg viewBox="0 0 100 100" preserveAspectRatio="none" aria-hidden="true"><path /></svg>';
@@ -70,7 +71,11 @@ function onCrop(model, pane) {
     pane.refresh(moving);
   };
   pane.crop = new Crop({ panel: $("crop-sides"), layer, group: $("crop-group"), state: model, shown: () => pane.shown, changed });
-  $("table").addEventListener("change", ({ target }) => changed({ table: target.checked ? "keep" : "remove" }));
+  // Slices outline the table where the 3D view leaves it out.
+  $("table").addEventListener("change", ({ target }) => {
+    model.table = target.checked ? "keep" : "remove";
+    panes.forEach((each) => each.refresh());
+  });
   pane.planes = new Planes({ list: $("crop-planes"), button: $("crop-add-plane"), state: model, changed });
   $("crop-reset").addEventListener("click", () => {
     changed({ crop: null, planes: [] });
@@ -98,7 +103,7 @@ export async function onSettings(model, panes) {
     known.at(-1).textContent = `by hand: ${model.window.center} ± ${model.window.width / 2} HU`;
     $("window").value = known.some((option) => option.value === value) ? value : "";
   });
-  onCrop(model, panes[0]);
+  onCrop(model, panes);
   $("follows").addEventListener("change", ({ target }) => {
     model.oblique = { ...model.oblique, follows: target.checked };
     model.changed("pose", "cursor");

@@ -1,6 +1,7 @@
 // A slice through the cursor: axial, sagittal, coronal, or an oblique one that follows the 3D view.
 
 import { Cine } from "/cine.js";
+import { tableQuery } from "/crop.js";
 import { PLANES, advanced, extent, sliceNumber, sliceStep, windowed } from "/slices.js";
 import { across, add, clamp, cross, dot, scale, sub, unit } from "./geometry.js";
 import { crossSvg, itemsSvg } from "./overlay.js";
@@ -63,7 +64,7 @@ export class SlicePane extends Pane {
     const size = this.pixels;
     const plane = PLANES[this.name] ? { plane: this.name } : { normal: round(cross(view.right, view.up), 6).join(","), up: round(view.up, 6).join(",") };
     const query = new URLSearchParams({
-      ...plane, center_mm: view.center.join(","), height_mm: view.height, window_hu: `${center},${width}`, size_px: size.join(","),
+      ...plane, center_mm: view.center.join(","), height_mm: view.height, window_hu: `${center},${width}`, size_px: size.join(","), ...tableQuery(this.model),
     });
     const accept = moving ? "image/jpeg" : "image/png";
     return { url: `/v1/volumes/${this.model.volume.id}/slice?${query}`, accept, view, size };

@@ -65,10 +65,11 @@ impl Inner {
                 share = Some(share.map_or(own, |share: f64| share.min(own)));
             }
         }
+        let cursor_mm = self.state.cursor().map(|cursor| cursor.xyz.to_array());
         NextStep::Render(Box::new(FrameJob {
             request,
             entry: Arc::clone(&self.presentation.entry),
-            display: self.presentation.display().clone(),
+            display: self.presentation.display().with_cursor(cursor_mm),
             number,
             revision: self.revision,
             is_still,
