@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use image::ImageDecoder;
-use relief_base::Point;
-use relief_display::{DisplayProfile, Pixels, ProfileName};
+use relief_display::{DisparityConstants, DisplayProfile, Pixels, ProfileName};
 use relief_live::{ReceivedFrame, SUBPROTOCOL};
 use relief_server::{AllowedHosts, Config, LiveConfig, Shutdown};
 use relief_tracking::{Beacon, Simulation, hex_of_bytes};
@@ -78,21 +77,23 @@ async fn the_cursor_lies_on_the_plane_of_the_screen() {
     let running = Running::new().await;
     let settings = json!({ "display": { "screen_plane": "cursor" }, "preset": "skin" });
     let (mut client, _) = running.hello(json!({ "settings": settings })).await;
-    client.send(&json!({ "type": "pose", "seq": 1, "t_ns": 1, "camera": camera() })).await;
     let limits = |frame: &ReceivedFrame| frame.header.limits_mm.map(f64::from);
-    let usual = limits(&client.still(1).await);
-    for (seq, cursor_mm) in [(2, [0.0, -20.0, 0.0]), (3, [5.0, 12.0, 3.0])] {
+    let first = client.still(0).await;
+    let (usual, camera) = (limits(&first), first.header.camera().unwrap());
+    for (seq, share) in [(1, 0.3), (2, 0.8)] {
+        // On the line of sight, between the nearest and the farthest surface.
+        let depth = usual[0] + share * (usual[1] - usual[0]);
+        let cursor = camera.eye() + (camera.look_at() - camera.eye()).normalized().unwrap() * depth;
+        let cursor_mm = cursor.xyz.to_array();
         client.send(&intent(seq, json!({ "intent": "cursor", "point_mm": cursor_mm }))).await;
-        let frame = client.still(seq).await;
-        let [near, far] = limits(&frame);
-        let depth =
-            -(frame.header.camera().unwrap().view_from_patient() * Point::from_xyz(cursor_mm.into())).xyz.z;
-        let screen = near + relief_display::DisparityConstants::PHILIPS_42.zd * (far - near);
+        let [near, far] = limits(&client.still(seq).await);
+        let screen = near + DisparityConstants::PHILIPS_42.zd * (far - near);
         assert!((screen - depth).abs() < 0.01, "the screen is at {screen} mm, the cursor at {depth} mm");
         assert_ne!([near, far], usual);
     }
-    client.send(&json!({ "type": "settings", "seq": 4, "display": {} })).await;
-    assert_eq!(limits(&client.still(0).await), usual);
+    client.send(&json!({ "type": "settings", "display": {} })).await;
+    let [near, far] = limits(&client.still(0).await);
+    assert!(near <= usual[0] && far == usual[1], "{near} to {far} mm, {usual:?} without the cursor");
     // A picture has no cursor.
     let scene = json!({ "display": { "screen_plane": "cursor" } }).to_string();
     let refused = running.stage.post(&running.stage.path("frame"), "application/json", scene).await;

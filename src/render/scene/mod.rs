@@ -159,7 +159,6 @@ pub struct SceneFile {
     annotations: ShownSets,
     lights: Option<LightsFile>,
     path_trace: Option<PathTraceFile>,
-    #[serde(deserialize_with = "parts::display_of_picture")]
     display: DisplaySettings,
 }
 
@@ -394,6 +393,7 @@ impl SceneFile {
     pub fn resolve_for(self, subject: &Subject<'_>, orbit: &Orbit) -> Result<Scene, SceneError> {
         let Subject { grid, occupancy, tissue, anatomy, labels: map } = *subject;
         self.display.validate()?;
+        parts::expect_no_cursor(&self.display)?;
         expect_budget(self.budget_ms)?;
         let size_of_layout = self.display.encoder()?.render_size_px();
         let of_scene = self.size_px.map(|sides| sides.map(|side| side.0));

@@ -28,16 +28,13 @@ fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D
     DepthRule::from_name(&name).ok_or_else(|| serde::de::Error::custom(unknown()))
 }
 
-/// A picture has no cursor: only a live view, which has its display settings elsewhere.
-pub(super) fn display_of_picture<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<DisplaySettings, D::Error> {
-    let display = DisplaySettings::deserialize(deserializer)?;
+/// Refuses the cursor as the plane of the screen: only live views have one, and put it in before.
+pub(super) fn expect_no_cursor(display: &DisplaySettings) -> Result<(), RequestError> {
     if display.screen_plane == Some(ScreenPlane::Cursor) {
-        let reason = "screen_plane is \"cursor\", which only live views have; allowed: a point [x, y, z] in mm or null";
-        return Err(serde::de::Error::custom(reason));
+        let allowed = "a point [x, y, z] in mm or null; live views have a cursor";
+        return Err(RequestError::new("display.screen_plane", &"\"cursor\"", allowed));
     }
-    Ok(display)
+    Ok(())
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

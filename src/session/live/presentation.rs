@@ -303,7 +303,8 @@ fn resolve(
     preset: Option<&str>,
 ) -> Result<Arc<Scene>, LiveError> {
     let mut file = SceneFile::from_value(&Value::Object(patch.clone()))?;
-    file = file.with_display(display.clone());
+    // The cursor moves with every frame.
+    file = file.with_display(display.with_cursor(None));
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
     file = preset.map_or(file.clone(), |name| file.with_preset(name));
     // The camera is the view's own, so this one is not fitted.
