@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use relief_display::{BackStart, FrameContent, Layout};
+use relief_display::{BackStart, DisplayProfile, FrameContent, Layout, ProfileName};
 use serde_json::json;
 
 use super::format::LiveLayout;
@@ -43,10 +43,18 @@ pub fn layouts_script() -> &'static str {
             let row = json!({ "name": info.name, "hasHeader": info.has_header, "placement": placement });
             format!("  {byte}: {row},\n")
         });
+        let profiles = ProfileName::ALL.map(|name| {
+            let profile = DisplayProfile::named(name);
+            let row = json!({ "m": profile.constants().m, "screenWidthMm": profile.screen_width_mm() });
+            format!("  {}: {row},\n", json!(name.name()))
+        });
         format!(
             "// Layouts that live clients compose, by the number in the header of a frame. Made from\n\
-             // the server's table.\nexport const LAYOUTS = {{\n{}}};\n",
-            rows.collect::<String>()
+             // the server's table.\nexport const LAYOUTS = {{\n{}}};\n\n\
+             // Displays: slope of their parallax by disparity, and width of their screens.\n\
+             export const PROFILES = {{\n{}}};\n",
+            rows.collect::<String>(),
+            profiles.concat()
         )
     });
     &SCRIPT

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 73] = [
+const FILES: [(&str, &str, &str); 76] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -75,6 +75,9 @@ const FILES: [(&str, &str, &str); 73] = [
     ("/restore.js", SCRIPT, include_str!("page/kiosk/restore.js")),
     ("/frame.js", SCRIPT, include_str!("page/kiosk/frame.js")),
     ("/panel.js", SCRIPT, include_str!("page/kiosk/panel.js")),
+    ("/outputs.js", SCRIPT, include_str!("page/kiosk/outputs.js")),
+    ("/synthesis.js", SCRIPT, include_str!("page/kiosk/synthesis.js")),
+    ("/view-shader.js", SCRIPT, include_str!("page/kiosk/view-shader.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
     ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),

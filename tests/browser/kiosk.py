@@ -132,6 +132,68 @@ def exactness(playwright, server):
     return found
 
 
+def arranged(name, left, right, quilt):
+    """What an output shows, from views that the server made: both eyes, or nine views of a quilt."""
+    height, width = left.shape[:2]
+    rows, columns = numpy.indices((height, width))
+    mean = lambda a, b: (a + b + 1) // 2
+    choose = lambda second: numpy.where(second[:, :, None], right, left)
+    if name == "lenses":
+        views = [quilt[(2 - v // 3) * height :][:height, v % 3 * width :][:, :width] for v in range(9)]
+        out = numpy.empty_like(left)
+        for third in range(3):
+            along = numpy.float32((columns + (third + 0.5) / 3 + rows * 0.25) / 4.5 - 0.125)
+            number = numpy.minimum(((along - numpy.floor(along)) * 9).astype(int), 8)
+            out[:, :, third] = numpy.choose(number, [view[:, :, third] for view in views])
+        return out
+    return {
+        "stereo": lambda: numpy.concatenate([left, right], 1),
+        "stereo&swap": lambda: numpy.concatenate([right, left], 1),
+        "stereo-half": lambda: numpy.concatenate([mean(eye[:, ::2], eye[:, 1::2]) for eye in (left, right)], 1),
+        "top-bottom": lambda: numpy.concatenate([left, right], 0),
+        "top-bottom-half": lambda: numpy.concatenate([mean(eye[::2], eye[1::2]) for eye in (left, right)], 0),
+        "lines": lambda: choose(rows % 2 == 1),
+        "columns": lambda: choose(columns % 2 == 1),
+        "checkerboard": lambda: choose((rows + columns) % 2 == 1),
+        "quilt": lambda: quilt,
+    }[name]()
+
+
+def outputs(playwright, server):
+    """Views that the page makes, against those that the server makes of the same picture."""
+    opened = browser(playwright, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&size_px=480,270"
+    served = lambda layout, more="": pixels(server.get(f"/v1/volumes/{volume}/frame?{query}&layout={layout}{more}"))
+    pair, quilt = served("stereo"), served("views-9")
+    left, right = pair[:, :480], pair[:, 480:]
+    found = {"eyes_differ": int((left != right).any(axis=2).sum())}
+    names = ["stereo", "stereo&swap", "stereo-half", "top-bottom", "top-bottom-half", "lines", "columns", "checkerboard", "quilt", "lenses"]
+    for name in names:
+        more = "&lens=4.5,0.25,0.125" if name == "lenses" else ""
+        expected = arranged(name, left, right, quilt)
+        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&size=480x270&output={name}{more}")
+        wait_still(page)
+        shot = pixels(page.locator("#frame").screenshot())
+        different = int((shot != expected).any(axis=2).sum()) if shot.shape == expected.shape else -1
+        found[name] = {"different": different, "problems": problems}
+        page.close()
+    # The layout with a back layer has the size of the display.
+    two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo&depth_rule=two-layer"))
+    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&output=stereo&layers=2")
+    wait_still(page)
+    shot = pixels(page.locator("#frame").screenshot())
+    found["layers"] = {"different": int((shot != two).any(axis=2).sum()) if shot.shape == two.shape else -1, "problems": problems}
+    page.keyboard.press("m")
+    page.wait_for_selector("#menu[open]")
+    found["facts"] = page.inner_text("#facts")
+    page.close()
+    page, _ = page_of(opened, f"{server.url}/kiosk?output=hologram")
+    found["refused"] = page.inner_text("#state")
+    opened.close()
+    return found
+
+
 def hands(playwright, server):
     """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
     opened = browser(playwright)
@@ -285,6 +347,7 @@ def main():
     try:
         with sync_playwright() as playwright:
             found = {"exact": exactness(playwright, server)}
+            found["outputs"] = outputs(playwright, server)
             found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)

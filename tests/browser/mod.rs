@@ -116,6 +116,36 @@ fn the_screen_shows_the_served_frame_and_detects_another_profile() {
     }
 }
 
+/// Invariant: The views that the kiosk makes of a live frame are those that the server makes of it, byte by
+/// byte, in every arrangement.
+#[test]
+fn the_kiosk_makes_the_views_that_the_server_makes() {
+    let Some(seen) = seen("views in a browser") else { return };
+    let outputs = &seen["outputs"];
+    assert!(outputs["eyes_differ"].as_i64().unwrap() > 5000, "{outputs}");
+    let names = [
+        "stereo",
+        "stereo&swap",
+        "stereo-half",
+        "top-bottom",
+        "top-bottom-half",
+        "lines",
+        "columns",
+        "checkerboard",
+        "quilt",
+        "layers",
+    ];
+    for name in names {
+        assert_eq!(outputs[name], serde_json::json!({ "different": 0, "problems": [] }), "{name}: {outputs}");
+    }
+    // Which lens a subpixel at the edge of one belongs to is rounded in 32 bits.
+    let lenses = outputs["lenses"]["different"].as_i64().unwrap();
+    assert!((0..500).contains(&lenses), "{lenses} pixels of a panel with lenses differ");
+    assert!(outputs["facts"].as_str().unwrap().contains("side by side, 1920 × 540"), "{outputs}");
+    let refused = outputs["refused"].as_str().unwrap();
+    assert!(refused.contains("output is hologram; allowed: frame, flat, stereo"), "{refused}");
+}
+
 /// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
 /// reconnects to a restarted server.
 #[test]

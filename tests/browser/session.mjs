@@ -43,6 +43,7 @@ globalThis.WebSocket = class {
 };
 
 const { Session } = await import(pathToFileURL(`${process.argv[2]}/session.js`));
+const { compose } = await import(pathToFileURL(`${process.argv[2]}/frame.js`));
 const acknowledged = (socket) => socket.sent.filter(({ type }) => type === "ack").map((ack) => ack.frame);
 
 /** Waits until a socket got more acknowledgements than these, or was closed; five seconds at most. */
@@ -74,7 +75,7 @@ async function begin() {
   const seen = { shown: [], changed: [] };
   const before = sockets.length;
   const session = new Session({}, {
-    show: (image, header) => seen.shown.push([header.sequence, ...image.data.slice(0, 8)]),
+    show: (header, layers) => seen.shown.push([header.sequence, ...compose(header, layers).data.slice(0, 8)]),
     heard: () => {},
     changed: (state, reason = "") => seen.changed.push([state, reason]),
   });

@@ -129,10 +129,14 @@ function enlarged({ rgba, disparity }, [fromWidth, fromHeight], [width, height],
 
 const OPAQUE_BLACK = 0xff000000;
 
-/** The display's frame as ImageData. `picture` is the result of `unpack`. */
-export function compose(header, picture) {
+/** The layers of a frame at full size, front first. `picture` is the result of `unpack`. */
+export function layersOf(header, picture) {
   if (!header.layout) throw new Error("the frame has no layout that this page can compose");
-  const layers = (header.back ? [0, 1] : [0]).map((layer) => enlarged(picture, header.size, header.full, layer));
+  return (header.back ? [0, 1] : [0]).map((layer) => enlarged(picture, header.size, header.full, layer));
+}
+
+/** The display's frame as ImageData. */
+export function compose(header, layers) {
   return composeLayers(header.layout, header.full, layers, header.display);
 }
 

@@ -2,12 +2,15 @@
 //
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
-// has no size of its own).
+// has no size of its own). With output (see outputs.js) the page makes views for other displays:
+// views, span, eye, inches, lens, subpixels, swap, and layers (1 or 2).
 
 import { onControls } from "./controls.js";
 import { Panel } from "./panel.js";
-import { layoutOf } from "./frame.js";
+import { compose, layoutOf } from "./frame.js";
+import { outputOf } from "./outputs.js";
 import { Session } from "./session.js";
+import { Synthesis } from "./synthesis.js";
 import { Wiimote } from "./wiimote.js";
 
 const $ = (id) => document.getElementById(id);
@@ -29,21 +32,52 @@ let tested = "";
 const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
+const synthesis = synthesisOf();
+/** Milliseconds that the last frames took to make their views. */
+const madeMs = [];
 /** For scripts that drive the page: the current view, from the state in every frame. */
 Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
+
+/** What makes the views of the output; undefined where frames go to the display as they come. */
+function synthesisOf() {
+  try {
+    const output = outputOf(parameters);
+    return output && new Synthesis(output, parameters.get("profile") ?? "philips-42");
+  } catch (error) {
+    $("state").textContent = error.message;
+    document.documentElement.dataset.connection = "ended";
+    throw error;
+  }
+}
+
+/** The frame for the panel. */
+function frameOf(header, layers) {
+  if (!synthesis) return compose(header, layers);
+  const since = performance.now();
+  const frame = synthesis.frame(header.full, layers, header.display);
+  madeMs.push(performance.now() - since);
+  while (madeMs.length > 30) madeMs.shift();
+  return frame;
+}
+
+/** The layout that the server sends: with a back layer or without one where this page makes views. */
+function layoutToAsk() {
+  if (!synthesis) return parameters.get("layout") ?? "wowvx";
+  return parameters.get("layers") === "2" ? "declipse" : "rgbd";
+}
 
 function helloOf() {
   const number = (name) => (parameters.has(name) ? { [name]: Number(parameters.get(name)) } : {});
   const text = (name) => (parameters.has(name) ? { [name]: parameters.get(name) } : {});
-  const display = { layout: parameters.get("layout") ?? "wowvx", ...text("profile"), ...number("factor"), ...number("offset") };
+  const display = { layout: layoutToAsk(), ...text("profile"), ...number("factor"), ...number("offset") };
   const size = parameters.get("size")?.split("x").map(Number);
   const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}) };
   return { ...text("volume"), ...text("view"), ...text("role"), settings };
 }
 
 const session = new Session(helloOf(), {
-  show(image, header) {
-    panel.show(image);
+  show(header, layers) {
+    panel.show(frameOf(header, layers));
     shown = header;
     arrivals.push(performance.now());
     while (arrivals.length > 30) arrivals.shift();
@@ -112,7 +146,7 @@ const kindOf = ({ layout, full }) => `${layout} ${full.join(" ")}`;
 function selfTest() {
   if (!shown) return;
   tested = kindOf(shown);
-  const found = panel.problems(layoutOf(shown.layout).hasHeader);
+  const found = panel.problems(!synthesis && layoutOf(shown.layout).hasHeader);
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   if (!menu.open) return;
   $("test").className = found.length ? "bad" : "good";
@@ -125,7 +159,8 @@ function fillFacts() {
   const { full, size, lossless, layout, totalUs, renderUs } = shown;
   const facts = {
     View: view ? `${view.name}, ${view.role}` : "",
-    Layout: `${layout}, ${canvas.width} × ${canvas.height}`,
+    Layout: `${synthesis ? synthesis.output.words : layout}, ${canvas.width} × ${canvas.height}`,
+    Views: synthesis ? `${synthesis.output.views}, made in ${Math.max(...madeMs).toFixed(1)} ms at most` : "",
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
@@ -161,7 +196,8 @@ async function connectWiimote() {
 function placeOf(x, y) {
   const at = shown && panel.pixelAt(x, y);
   if (!at) return null;
-  const [u, v] = [at[0], at[1] / (layoutOf(shown.layout).placement?.lineStep ?? 1)];
+  const ofFrame = () => [at[0], at[1] / (layoutOf(shown.layout).placement?.lineStep ?? 1)];
+  const [u, v] = synthesis ? synthesis.output.place(at, shown.full) : ofFrame();
   return u < shown.full[0] && v < shown.full[1] ? [u, v] : null;
 }
 

@@ -30,7 +30,7 @@ export class Panel {
     for (const query of ["(color-gamut: p3)", "(dynamic-range: high)"]) matchMedia(query).addEventListener("change", changed);
   }
 
-  /** Displays a frame, each of its pixels on one of the screen. */
+  /** Displays a frame, ImageData or a canvas, each of its pixels on one of the screen. */
   show(image) {
     const { canvas } = this;
     if (canvas.width !== image.width || canvas.height !== image.height) {
@@ -39,7 +39,8 @@ export class Panel {
     // The ratio may have changed with the window's screen.
     const sides = [image.width, image.height].map((side) => `${side / devicePixelRatio}px`);
     [canvas.style.width, canvas.style.height] = sides;
-    this.#context.putImageData(image, 0, 0);
+    if (image instanceof ImageData) this.#context.putImageData(image, 0, 0);
+    else this.#context.drawImage(image, 0, 0);
   }
 
   /** The frame's pixel under a client position; null outside. */

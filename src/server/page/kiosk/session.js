@@ -3,7 +3,7 @@
 // Times are nanoseconds of this page's clock. The newest frame is displayed; a frame
 // superseded during decoding is acknowledged with its successor.
 
-import { ACCEPT, compose, readHeader, unpack } from "./frame.js";
+import { ACCEPT, layersOf, readHeader, unpack } from "./frame.js";
 import { withTicket } from "./identity.js";
 import { intentsTo } from "./restore.js";
 
@@ -37,7 +37,7 @@ export class Session {
   #notYet = "";
 
   /**
-   * `hello` is the message without `type` and `accept`; `show` gets (image, header), `heard` gets every message of the server,
+   * `hello` is the message without `type` and `accept`; `show` gets (header, layers), `heard` gets every message of the server,
    * `changed` gets the state of the connection (connecting, live, waiting or ended) and a reason.
    */
   constructor(hello, { show, heard, changed }) {
@@ -159,7 +159,7 @@ export class Session {
     let wrong = null;
     try {
       header = readHeader(bytes);
-      this.show(compose(header, await unpack(header, bytes)), header);
+      this.show(header, layersOf(header, await unpack(header, bytes)));
     } catch (error) {
       wrong = error.message;
     }

@@ -1,0 +1,66 @@
+// How views are arranged in the frame of a display: the outputs of this page beside 2D plus depth.
+//
+// Sizes in pixels. A picture of W × H gives the frame of each output.
+
+/** By name: the number in the shader, the frame, the number of views, and the place of a frame's pixel in the picture. */
+export const OUTPUTS = {
+  flat: { arrangement: 0, views: 1, frame: ([w, h]) => [w, h], place: ([x, y]) => [x, y], words: "one view" },
+  stereo: { arrangement: 1, views: 2, frame: ([w, h]) => [2 * w, h], place: ([x, y], [w]) => [x % w, y], words: "side by side" },
+  "stereo-half": {
+    arrangement: 2, views: 2, frame: ([w, h]) => [w, h], place: ([x, y], [w]) => [(2 * x) % w, y], words: "side by side, half as wide",
+  },
+  "top-bottom": { arrangement: 3, views: 2, frame: ([w, h]) => [w, 2 * h], place: ([x, y], [, h]) => [x, y % h], words: "above each other" },
+  "top-bottom-half": {
+    arrangement: 4, views: 2, frame: ([w, h]) => [w, h], place: ([x, y], [, h]) => [x, (2 * y) % h], words: "above each other, half as high",
+  },
+  lines: { arrangement: 5, views: 2, frame: ([w, h]) => [w, h], place: (at) => at, words: "line by line" },
+  columns: { arrangement: 6, views: 2, frame: ([w, h]) => [w, h], place: (at) => at, words: "column by column" },
+  checkerboard: { arrangement: 7, views: 2, frame: ([w, h]) => [w, h], place: (at) => at, words: "checkerboard" },
+  quilt: {
+    arrangement: 1, views: 9, frame: ([w, h], [columns, rows]) => [columns * w, rows * h], place: ([x, y], [w, h]) => [x % w, y % h],
+    words: "a quilt, the leftmost view at the bottom left",
+  },
+  lenses: { arrangement: 8, views: 9, frame: ([w, h]) => [w, h], place: (at) => at, words: "a panel with lenses" },
+};
+
+/** Largest number of views of a quilt or a panel. */
+const MOST_VIEWS = 64;
+
+/** A list of numbers in the address, or the usual ones; throws where it is something else. */
+function numbersOf(parameters, name, usual, check, allowed) {
+  if (!parameters.has(name)) return usual;
+  const found = parameters.get(name).split(",").map(Number);
+  if (found.length !== usual.length || !found.every(Number.isFinite) || !check(found)) {
+    throw new Error(`${name} is ${parameters.get(name).slice(0, 40)}; allowed: ${allowed}`);
+  }
+  return found;
+}
+
+/** The columns and rows of a quilt: as square as its number of views allows. */
+function gridOf(views) {
+  let rows = Math.floor(Math.sqrt(views));
+  while (views % rows) rows -= 1;
+  return [views / rows, rows];
+}
+
+/** The output that the address asks for; undefined where frames go to the display as they come. Throws where it is invalid. */
+export function outputOf(parameters) {
+  const name = parameters.get("output");
+  if (name === null || name === "frame") return undefined;
+  const output = Object.hasOwn(OUTPUTS, name) ? OUTPUTS[name] : undefined;
+  if (!output) throw new Error(`output is ${name.slice(0, 40)}; allowed: frame, ${Object.keys(OUTPUTS).join(", ")}`);
+  const whole = ([views]) => Number.isInteger(views) && views >= 2 && views <= MOST_VIEWS;
+  const [views] = output.views > 2 ? numbersOf(parameters, "views", [output.views], whole, `2 to ${MOST_VIEWS}`) : [output.views];
+  const [span] = numbersOf(parameters, "span", [views > 2 ? 2 : 1], ([n]) => n >= 0 && n <= 16, "0 to 16 eye separations");
+  const [eye] = numbersOf(parameters, "eye", [0], ([n]) => Math.abs(n) <= 16, "-16 to 16 eye separations from the middle");
+  const [inches] = numbersOf(parameters, "inches", [0], ([n]) => n > 1 && n < 1000, "1 to 1000");
+  const lens = numbersOf(parameters, "lens", [5, 0.333, 0], ([pitch]) => pitch > 0, "pixels from lens to lens, slant, centre");
+  const isBgr = parameters.get("subpixels") === "bgr";
+  return { name, ...output, views, grid: name === "stereo" ? [2, 1] : gridOf(views), span, eye, inches, lens, isBgr, isSwapped: parameters.has("swap") };
+}
+
+/** The places of the eyes, from left to right and even, in eye separations. */
+export function eyesOf({ views, span, eye }) {
+  const last = Math.max(1, views - 1);
+  return Array.from({ length: views }, (_, i) => eye + ((2 * i - (views - 1)) / (2 * last)) * span);
+}
