@@ -78,8 +78,8 @@ impl Default for HandOptions {
             dead_zone_deg: 1.0,
             dead_zone_mm: 10.0,
             cursor_rest_mm: 0.5,
-            precise_gain: 0.25,
-            steady_s: 0.3,
+            precise_gain: 0.2,
+            steady_s: 0.45,
             zoom_per_s: 2.0,
             clip_mm_per_s: 60.0,
         }
