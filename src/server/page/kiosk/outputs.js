@@ -3,7 +3,7 @@
 // Sizes in pixels. A picture of W × H gives the frame of each output.
 
 /** By name: the number in the shader, the frame, the number of views, and the place of a frame's pixel in the picture. */
-export const OUTPUTS = {
+const OUTPUTS = {
   flat: { arrangement: 0, views: 1, frame: ([w, h]) => [w, h], place: ([x, y]) => [x, y], words: "one view" },
   stereo: { arrangement: 1, views: 2, frame: ([w, h]) => [2 * w, h], place: ([x, y], [w]) => [x % w, y], words: "side by side" },
   "stereo-half": {

@@ -18,7 +18,7 @@ const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts"
 const rounded = (value) => Math.sign(value) * Math.floor(Math.abs(value) + 0.5);
 
 /** How far each disparity moves for an eye, of a picture of this width; even numbers. */
-export function shiftsOf(eye, width, { m, screenWidthMm }, [, factor, offset]) {
+function shiftsOf(eye, width, { m, screenWidthMm }, [, factor, offset]) {
   const separation = ((width * EYE_SEPARATION_MM) / screenWidthMm) * (factor / USUAL_FACTOR);
   return Int32Array.from({ length: 256 }, (_, d) => {
     const shift = Math.max(-width, Math.min(width, (eye * separation * (d - offset)) / m));
