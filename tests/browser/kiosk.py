@@ -188,6 +188,30 @@ def outputs(playwright, server):
     page.wait_for_selector("#menu[open]")
     found["facts"] = page.inner_text("#facts")
     page.close()
+    # Test pictures: the same for both eyes in the plane of the screen, and exchanged eyes in depth.
+    page, problems = page_of(opened, f"{server.url}/monitor")
+    page.select_option("#layout", "stereo")
+    page.select_option("#picture", "screen")
+    halves = lambda: numpy.split(pixels(page.locator("#frame").screenshot()), 2, 1)
+    page.click("#hide")
+    flat = halves()
+    page.keyboard.press("Escape")
+    page.select_option("#picture", "steps")
+    page.click("#hide")
+    deep = halves()
+    page.keyboard.press("Escape")
+    page.check("#swap")
+    page.click("#hide")
+    swapped = halves()
+    page.keyboard.press("Escape")
+    same = lambda a, b: bool((a == b).all())
+    found["monitor"] = {
+        "flat": same(*flat), "deep": not same(*deep), "swapped": same(deep[0], swapped[1]) and same(deep[1], swapped[0]),
+        "address": page.inner_text("#words"), "problems": problems,
+    }
+    page.select_option("#layout", "lenses")
+    found["monitor"]["lenses"] = page.is_visible("#pitch") and "lens=5" in page.inner_text("#words")
+    page.close()
     page, _ = page_of(opened, f"{server.url}/kiosk?output=hologram")
     found["refused"] = page.inner_text("#state")
     opened.close()

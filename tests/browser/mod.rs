@@ -142,6 +142,12 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
     let lenses = outputs["lenses"]["different"].as_i64().unwrap();
     assert!((0..500).contains(&lenses), "{lenses} pixels of a panel with lenses differ");
     assert!(outputs["facts"].as_str().unwrap().contains("side by side, 1920 × 540"), "{outputs}");
+    let monitor = &outputs["monitor"];
+    assert!(monitor["address"].as_str().unwrap().contains("output=stereo"), "{monitor}");
+    for what in ["flat", "deep", "swapped", "lenses"] {
+        assert_eq!(monitor[what], true, "{what}: {monitor}");
+    }
+    assert_eq!(monitor["problems"], serde_json::json!([]));
     let refused = outputs["refused"].as_str().unwrap();
     assert!(refused.contains("output is hologram; allowed: frame, flat, stereo"), "{refused}");
 }

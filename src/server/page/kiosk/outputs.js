@@ -23,6 +23,9 @@ const OUTPUTS = {
   lenses: { arrangement: 8, views: 9, frame: ([w, h]) => [w, h], place: (at) => at, words: "a panel with lenses" },
 };
 
+/** Names of the outputs and what they are, in the order of a menu. */
+export const outputNames = () => Object.entries(OUTPUTS).map(([name, { words }]) => [name, words]);
+
 /** Largest number of views of a quilt or a panel. */
 const MOST_VIEWS = 64;
 

@@ -110,6 +110,11 @@ export class Synthesis {
     this.#shifts = key;
   }
 
+  /** Frees the graphics context: a browser has few. */
+  end() {
+    this.#gl.getExtension("WEBGL_lose_context")?.loseContext();
+  }
+
   /** The intervals of all pixels of the layers, in each view. */
   #prepareSpans([width, height], count) {
     const gl = this.#gl;
