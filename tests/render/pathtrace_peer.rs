@@ -97,7 +97,7 @@ fn cases() -> Vec<Case> {
         scatterings,
         anisotropy,
         environment,
-        passes: 1024,
+        passes: 512,
         // Dark pictures use the bytes better.
         exposure: if environment > 0.0 { 1.5 } else { 4.0 },
         ..PathTrace::default()
@@ -185,7 +185,7 @@ fn work(case: &Case, index: usize, folder: &Path) -> serde_json::Value {
     json!({
         "dims": dims, "extinction": file("extinction"), "albedo": file("albedo"), "out": file("out"),
         "box_mm": [half.map(|mm| -mm), half], "anisotropy": settings.anisotropy,
-        "environment": settings.environment, "scatterings": settings.scatterings, "passes": 512,
+        "environment": settings.environment, "scatterings": settings.scatterings, "passes": 256,
         "lights": case.toward.map(light).into_iter().collect::<Vec<_>>(), "size_px": SIZE_PX,
         "camera": { "eye_mm": camera.eye().xyz.to_array(), "look_at_mm": camera.look_at().xyz.to_array(),
                     "up": camera.up().xyz.to_array(), "height_mm": height_mm },

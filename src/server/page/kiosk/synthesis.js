@@ -5,14 +5,14 @@
 
 import { PROFILES } from "./layouts.js";
 import { eyesOf } from "./outputs.js";
-import { FRAGMENT, SPANS, VERTEX } from "./view-shader.js";
+import { BLOCK_PX, FLATS, FRAGMENT, SPANS, VERTEX } from "./view-shader.js";
 
 const UNIT = 4096;
 const EYE_SEPARATION_MM = 65;
 const USUAL_FACTOR = 64;
 const MM_PER_INCH = 25.4;
 /** Texture units, in this order. */
-const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts", "frontSpans", "backSpans"];
+const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts", "frontSpans", "backSpans", "flats"];
 
 /** Rounds half away from zero, as the server does. */
 const rounded = (value) => Math.sign(value) * Math.floor(Math.abs(value) + 0.5);
@@ -29,6 +29,7 @@ function shiftsOf(eye, width, { m, screenWidthMm }, [, factor, offset]) {
 export class Synthesis {
   #gl;
   #spans;
+  #flats;
   #frame;
   #target;
   #textures;
@@ -50,6 +51,7 @@ export class Synthesis {
     this.#gl = gl;
     this.#textures = TEXTURES.map((name, unit) => this.#texture(name, unit));
     this.#spans = this.#program(SPANS);
+    this.#flats = this.#program(FLATS);
     this.#frame = this.#program(FRAGMENT);
     this.#target = gl.createFramebuffer();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -126,10 +128,16 @@ export class Synthesis {
       const sides = at < count ? [width, height, views] : [1, 1, 1];
       gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RG32I, ...sides, 0, gl.RG_INTEGER, gl.INT, null);
     }
+    if (size !== this.#size) this.#fill("flats", [Math.ceil(width / BLOCK_PX), height], [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE], null);
     this.#size = size;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#target);
+    gl.useProgram(this.#flats.program);
+    gl.uniform1i(this.#flats.places.reach, this.#reach);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.#textures[TEXTURES.indexOf("flats")], 0);
+    gl.viewport(0, 0, Math.ceil(width / BLOCK_PX), height);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
     const { program, places } = this.#spans;
     gl.useProgram(program);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#target);
     gl.viewport(0, 0, width, height);
     for (let layer = 0; layer < count; layer += 1) {
       const [depths, spans] = [["frontDepth", "frontSpans"], ["backDepth", "backSpans"]][layer].map((name) => TEXTURES.indexOf(name));

@@ -51,6 +51,34 @@ void main() {
   span += ivec2(at.x, at.x + 1) * UNIT;
 }`;
 
+/** Pixels of a block of a line that `FLATS` looks at. */
+export const BLOCK_PX = 16;
+
+/** Which blocks of a line, with all that may move into them, have one disparity. */
+export const FLATS = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp usampler2D;
+
+uniform usampler2D frontDepth;
+uniform int reach;
+
+out uint flat_;
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  int first = at.x * ${BLOCK_PX} - reach - 2;
+  int last = (at.x + 1) * ${BLOCK_PX} + reach + 1;
+  flat_ = 0u;
+  // At the sides of a picture there are holes.
+  if (first < 0 || last >= textureSize(frontDepth, 0).x) return;
+  uint d = texelFetch(frontDepth, ivec2(first, at.y), 0).r;
+  for (int x = first + 1; x <= last; x += 1) {
+    if (texelFetch(frontDepth, ivec2(x, at.y), 0).r != d) return;
+  }
+  flat_ = 1u;
+}`;
+
 /** The frame of an output. */
 export const FRAGMENT = `#version 300 es
 precision highp float;
@@ -66,6 +94,8 @@ uniform usampler2D backDepth;
 // Where each pixel is in each view, 1/4096 pixel: see SPANS.
 uniform isampler2DArray frontSpans;
 uniform isampler2DArray backSpans;
+// Blocks of one disparity: see FLATS.
+uniform usampler2D flats;
 uniform ivec2 sizePx;
 uniform bool hasBack;
 // Whole pixels that a disparity moves at most.
@@ -266,10 +296,20 @@ ivec3 filled(Hole hole, int from, int to) {
   return sum;
 }
 
+// A pixel of a view where everything around has one disparity: two pixels side by side.
+ivec3 flatPixel(ivec2 at) {
+  int place = 2 * at.x * UNIT - spanOf(false, at.x).x;
+  int x = place / UNIT;
+  int share = place - x * UNIT;
+  ivec3 sum = 2 * colorAt(false, x) * (UNIT - share) + 2 * colorAt(false, x + 1) * share;
+  return (sum + UNIT) / (2 * UNIT);
+}
+
 // A pixel of a view, 0 to 255.
 ivec3 pixelOf(int viewNumber, ivec2 at) {
   view = isSwapped ? viewCount - 1 - viewNumber : viewNumber;
   row = at.y;
+  if (texelFetch(flats, ivec2(at.x / ${BLOCK_PX}, row), 0).r == 1u) return flatPixel(at);
   int from = at.x * UNIT;
   int end = from + UNIT;
   ivec3 sum = ivec3(0);
