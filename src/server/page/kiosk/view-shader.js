@@ -257,7 +257,7 @@ ivec3 cleaned(Hole hole, int pixel) {
 // Whether pixel x shows everywhere from one place to another.
 bool shows(Shown shown, int from, int to) {
   for (int part = 0; part < MOST_PARTS && from < to; part += 1) {
-    Shown now = shownAt(false, from, reach + 1);
+    Shown now = shownAt(false, from, reach + 2);
     if (now.pixel != shown.pixel) return false;
     from = min(now.span.y, now.coming);
   }
@@ -265,18 +265,18 @@ bool shows(Shown shown, int from, int to) {
 }
 
 // The colour that a visible part has on top of its own, where a hole lies beside its pixel.
-ivec3 changeBeside(Shown shown, int from, int to) {
+ivec3 changeBeside(Shown shown, int from) {
   ivec3 change = ivec3(0);
   int x = shown.pixel;
   bool endsRight = x == sizePx.x - 1 || spanOf(false, x + 1).x != shown.span.y;
   int end = shown.span.y;
-  if (endsRight && end < sizePx.x * UNIT && shownAt(false, end, reach + 1).pixel < 0 && shows(shown, to, end)) {
+  if (endsRight && end < sizePx.x * UNIT && shownAt(false, end, reach).pixel < 0 && shows(shown, from, end)) {
     Hole hole = holeAt(end);
     if (hole.mixed == x && hole.mixedLeft) change += cleaned(hole, x);
   }
   bool endsLeft = x == 0 || spanOf(false, x - 1).y != shown.span.x;
   int begin = shown.span.x;
-  if (endsLeft && begin > 0 && shownAt(false, begin - 1, reach + 1).pixel < 0 && shows(shown, begin, from)) {
+  if (endsLeft && begin > 0 && shownAt(false, begin - 1, reach).pixel < 0 && shows(shown, begin, from)) {
     Hole hole = holeAt(begin - 1);
     if (hole.mixed == x && !hole.mixedLeft) change += cleaned(hole, x);
   }
@@ -288,7 +288,7 @@ ivec3 filled(Hole hole, int from, int to) {
   if (!hasBack) return hole.twice * (to - from);
   ivec3 sum = ivec3(0);
   for (int part = 0; part < MOST_PARTS && from < to; part += 1) {
-    Shown behind = shownAt(true, from, reach + 1);
+    Shown behind = shownAt(true, from, reach);
     int next = min(behind.pixel < 0 ? to : behind.span.y, min(behind.coming, to));
     sum += (behind.pixel < 0 ? hole.twice : 2 * colorAt(true, behind.pixel)) * (next - from);
     from = next;
@@ -314,7 +314,7 @@ ivec3 pixelOf(int viewNumber, ivec2 at) {
   int end = from + UNIT;
   ivec3 sum = ivec3(0);
   for (int part = 0; part < MOST_PARTS && from < end; part += 1) {
-    Shown shown = shownAt(false, from, reach + 1);
+    Shown shown = shownAt(false, from, reach);
     int next = min(end, shown.coming);
     if (shown.pixel < 0) {
       Hole hole = holeAt(from);
@@ -322,7 +322,7 @@ ivec3 pixelOf(int viewNumber, ivec2 at) {
       sum += filled(hole, from, next);
     } else {
       next = min(next, shown.span.y);
-      sum += (2 * colorAt(false, shown.pixel) + changeBeside(shown, from, min(shown.span.y, shown.coming))) * (next - from);
+      sum += (2 * colorAt(false, shown.pixel) + changeBeside(shown, from)) * (next - from);
     }
     from = next;
   }
