@@ -163,7 +163,7 @@ fn sixteen_passes_without_noise_are_as_near_to_the_truth_as_many_more() {
     };
     let converged = picture(1024, false, 2);
     let [raw, many] =
-        [16, 128].map(|passes| picture(passes, false, 1)).map(|picture| squares(&picture, &converged));
+        [16, 64].map(|passes| picture(passes, false, 1)).map(|picture| squares(&picture, &converged));
     let at_once = picture(16, true, 1);
     let found = squares(&at_once, &converged);
     let db = |squares: f64| 10.0 * (255.0f64.powi(2) / squares).log10();
