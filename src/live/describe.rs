@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use relief_display::{BackStart, DisplayProfile, FrameContent, Layout, ProfileName};
+use relief_display::{BackStart, DisplayProfile, FrameContent, Layout, MAX_VIEWS, ProfileName, ViewGrid};
 use serde_json::json;
 
 use super::format::LiveLayout;
@@ -48,13 +48,18 @@ pub fn layouts_script() -> &'static str {
             let row = json!({ "m": profile.constants().m, "screenWidthMm": profile.screen_width_mm() });
             format!("  {}: {row},\n", json!(name.name()))
         });
+        let grids = (2..=MAX_VIEWS).filter_map(ViewGrid::of_count);
+        let grids = grids.map(|grid| format!("  {}: [{}, {}],\n", grid.count(), grid.columns(), grid.rows()));
         format!(
             "// Layouts that live clients compose, by the number in the header of a frame. Made from\n\
              // the server's table.\nexport const LAYOUTS = {{\n{}}};\n\n\
              // Displays: slope of their parallax by disparity, and width of their screens.\n\
-             export const PROFILES = {{\n{}}};\n",
+             export const PROFILES = {{\n{}}};\n\n\
+             // Columns and rows of the usual quilt of a number of views.\n\
+             export const GRIDS = {{\n{}}};\n",
             rows.collect::<String>(),
-            profiles.concat()
+            profiles.concat(),
+            grids.collect::<String>()
         )
     });
     &SCRIPT

@@ -1,6 +1,8 @@
 // How views are arranged in the frame of a display: the outputs of this page beside 2D plus depth.
 //
-// Sizes in pixels. A picture of W × H gives the frame of each output.
+// Quilts have the columns and rows that the server's layouts views-N have. Sizes in pixels. A picture of W × H gives the frame of each output.
+
+import { GRIDS } from "./layouts.js";
 
 /** By name: the number in the shader, the frame, the number of views, and the place of a frame's pixel in the picture. */
 const OUTPUTS = {
@@ -27,7 +29,7 @@ const OUTPUTS = {
 export const outputNames = () => Object.entries(OUTPUTS).map(([name, { words }]) => [name, words]);
 
 /** Largest number of views of a quilt or a panel. */
-const MOST_VIEWS = 64;
+const MOST_VIEWS = 72;
 
 /** A list of numbers in the address, or the usual ones; throws where it is something else. */
 function numbersOf(parameters, name, usual, check, allowed) {
@@ -37,13 +39,6 @@ function numbersOf(parameters, name, usual, check, allowed) {
     throw new Error(`${name} is ${parameters.get(name).slice(0, 40)}; allowed: ${allowed}`);
   }
   return found;
-}
-
-/** The columns and rows of a quilt: as square as its number of views allows. */
-function gridOf(views) {
-  let rows = Math.floor(Math.sqrt(views));
-  while (views % rows) rows -= 1;
-  return [views / rows, rows];
 }
 
 /** The output that the address asks for; undefined where frames go to the display as they come. Throws where it is invalid. */
@@ -59,7 +54,7 @@ export function outputOf(parameters) {
   const [inches] = numbersOf(parameters, "inches", [0], ([n]) => n > 1 && n < 1000, "1 to 1000");
   const lens = numbersOf(parameters, "lens", [5, 0.333, 0], ([pitch]) => pitch > 0, "pixels from lens to lens, slant, centre");
   const isBgr = parameters.get("subpixels") === "bgr";
-  return { name, ...output, views, grid: name === "stereo" ? [2, 1] : gridOf(views), span, eye, inches, lens, isBgr, isSwapped: parameters.has("swap") };
+  return { name, ...output, views, grid: GRIDS[Math.max(2, views)], span, eye, inches, lens, isBgr, isSwapped: parameters.has("swap") };
 }
 
 /** The places of the eyes, from left to right and even, in eye separations. */
