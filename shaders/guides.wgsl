@@ -1,4 +1,4 @@
-// Computes what guides the denoiser: means over a pixel of the first collision, without noise.
+// Computes the guides of the denoiser: means over a pixel of the first collision, without noise.
 //
 // Four rays through each pixel march through the medium and add up the albedo, the normal, the
 // distance and the light without shadows of each step, weighed by the share of paths that collide

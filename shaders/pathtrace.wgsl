@@ -43,7 +43,7 @@ fn pathtrace(@builtin(global_invocation_id) place: vec3<u32>) {
     picture[at] = pack4x8unorm(vec4<f32>(display_referred(linear), mean.a));
 }
 
-// A path whose light counts less than this may end before it has scattered as often as it may.
+// Paths whose share is below this may end before the last scattering.
 const FAINT_PATH: f32 = 0.25;
 
 // Linear light that one path brings, and whether it collided.
@@ -73,7 +73,7 @@ fn light_of_path(pixel: vec2<u32>, pass_number: u32) -> vec4<f32> {
             light += share * path.environment * unblocked(place, collision, &random);
             break;
         }
-        // Light that hardly counts plays for its life, as in `transmittance`.
+        // Russian roulette, as in `transmittance`: a faint path ends, or continues with more weight.
         let most = max(share.r, max(share.g, share.b));
         if most < FAINT_PATH {
             if next_two(&random).x * FAINT_PATH >= most {

@@ -39,7 +39,7 @@ pub(super) const PATHTRACE: StageParts = StageParts {
     ],
 };
 
-/// Computes what guides the denoiser.
+/// Computes the guides of the denoiser.
 pub(super) const GUIDES: StageParts = StageParts {
     name: "guide",
     sources: &[

@@ -23,7 +23,7 @@ pub(super) struct Sums {
     /// The same of the passes of odd numbers.
     pub(super) odd: wgpu::Buffer,
     pub(super) picture: Readback,
-    /// What guides the denoiser, once a picture needed it.
+    /// The guides of the denoiser, once a picture has needed them.
     pub(super) guides: Option<wgpu::Buffer>,
 }
 
@@ -102,7 +102,7 @@ fn check_size(
     Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed).into())
 }
 
-/// The request but for the number of passes, and what becomes of the finished picture.
+/// The request without the number of passes and the denoiser.
 fn without_passes(request: &RenderRequest) -> RenderRequest {
     let mut request = request.clone();
     request.path_trace.passes = 0;

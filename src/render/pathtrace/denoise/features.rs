@@ -9,7 +9,7 @@ pub(super) const TARGETS: usize = 6;
 
 /// Lengths are divided by this, mm: features need about the same extent.
 const DISTANCE_UNIT_MM: f32 = 100.0;
-/// Guides of less coverage are those of nothing.
+/// Guides of less coverage show background.
 const NOTHING: f32 = 1e-3;
 
 /// One pixel.

@@ -1,8 +1,8 @@
-//! What the denoiser receives: the sums of a picture, and its guides.
+//! The input of the denoiser: the sums of a picture, and its guides.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What guides the denoiser at one pixel: the mirror of `struct Guide` in `shaders/guides.wgsl`,
+/// The guides of one pixel: the mirror of `struct Guide` in `shaders/guides.wgsl`,
 /// which defines meanings and units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

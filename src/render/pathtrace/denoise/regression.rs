@@ -15,7 +15,7 @@ const RADIUS: usize = 6;
 const BAND_ROWS: usize = 64;
 /// Added to the variance of each feature: what varies less explains nothing.
 const RIDGE: f64 = 1e-4;
-/// Windows of less weight hold nothing.
+/// Windows of less weight are empty.
 const NO_WEIGHT: f64 = 1e-9;
 
 /// Products of two features.
@@ -169,7 +169,7 @@ fn predicted(pixel: &Pixel, sums: &[f64; FIT]) -> [[f32; 3]; 2] {
         let terms =
             fit[1..].iter().zip(&pixel.features).map(|(factor, feature)| factor * f64::from(*feature));
         let per_collision = (fit[0] + terms.sum::<f64>()) / weight;
-        // Less than no light is none.
+        // A fit can be negative; light cannot.
         (per_collision.max(0.0) * f64::from(pixel.coverage)) as f32
     };
     [[light(0), light(1), light(2)], [light(3), light(4), light(5)]]

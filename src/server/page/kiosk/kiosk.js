@@ -33,12 +33,12 @@ const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
 const synthesis = synthesisOf();
-/** Milliseconds that the last frames took to make their views. */
+/** Times of the view synthesis of the last frames, ms. */
 const madeMs = [];
 /** For scripts that drive the page: the current view, from the state in every frame. */
 Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
-/** What makes the views of the output; undefined where frames go to the display as they come. */
+/** The view synthesis of the output; undefined if the display takes the frames themselves. */
 function synthesisOf() {
   try {
     const output = outputOf(parameters);

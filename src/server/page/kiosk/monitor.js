@@ -11,7 +11,7 @@ const SIZES = { wowvx: [960, 540], "wowvx-full-height": [960, 1080], "wowvx-4k":
 /** Content type computer graphics; the header replaces the display's own factor and offset. */
 const [CGI, USE_BOTH] = [4, 0xc0];
 const NEAR = 255;
-/** What makes the views of the chosen output, and the address's part for it. */
+/** The view synthesis of the chosen output, and its part of the address. */
 let synthesis = null;
 let outputQuery = "";
 

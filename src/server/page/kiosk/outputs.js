@@ -41,7 +41,7 @@ function numbersOf(parameters, name, usual, check, allowed) {
   return found;
 }
 
-/** The output that the address asks for; undefined where frames go to the display as they come. Throws where it is invalid. */
+/** The output in the address; undefined if the display takes the frames themselves. Throws if it is invalid. */
 export function outputOf(parameters) {
   const name = parameters.get("output");
   if (name === null || name === "frame") return undefined;

@@ -136,7 +136,7 @@ ivec2 spanOf(bool back, int x) {
 
 // The nearest interval at a place; of several at one depth the one that begins last.
 struct Shown {
-  // -1 where nothing is.
+  // -1 in a hole.
   int pixel;
   ivec2 span;
   int depth;
@@ -165,7 +165,7 @@ Shown shownAt(bool back, int at, int around) {
   return found;
 }
 
-// A part of the line that nothing in front covers, and what fills it.
+// A part of the line that no pixel covers, and its filling.
 struct Hole {
   ivec2 span;
   // Twice its colour.
@@ -248,7 +248,7 @@ ivec3 truncated(ivec3 value, int by) {
   return sign(value) * (abs(value) / by);
 }
 
-// What a mixed pixel gives way to beside a hole.
+// The change of colour of a mixed pixel beside a hole.
 ivec3 cleaned(Hole hole, int pixel) {
   ivec3 change = hole.twice - 2 * colorAt(false, pixel);
   return truncated(change * min(hole.span.y - hole.span.x, UNIT), UNIT);
