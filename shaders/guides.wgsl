@@ -1,6 +1,6 @@
 // Computes the guides of the denoiser: means over a pixel of the first collision, without noise.
 //
-// Four rays through each pixel march through the medium and add up the albedo, the normal, the
+// Nine rays through each pixel march through the medium and add up the albedo, the normal, the
 // distance and the light without shadows of each step, weighed by the share of paths that collide
 // there. Random paths have the same means. Light with shadows is taken at one place of each ray,
 // from one point of each light: places and points differ from ray to ray, and are the same for all

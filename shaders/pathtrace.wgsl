@@ -1,7 +1,8 @@
 // Follows light paths and adds them up: each dispatch adds passes to a picture.
 //
-// A path goes from the eye from collision to collision, as often as it may scatter. Each collision
-// receives light straight from each light; a path that leaves the volume ends in the surroundings.
+// A path goes from the eye to a collision and on to further ones, up to the number of scatterings.
+// Each collision receives light straight from each light; a path that leaves the volume ends in the
+// surroundings.
 // Sums are in linear light. The output is their mean over the background, as display-referred sRGB.
 // Passes are added one by one in order, so the sum has the same bits for any grouping into
 // dispatches.

@@ -47,7 +47,7 @@ pub(super) struct SceneArguments {
     /// are brighter and softer with more [default: 1]
     #[arg(long, value_name = "N")]
     scatterings: Option<u32>,
-    /// Remove the noise of mode path-traced: 16 passes look like 256
+    /// Remove the noise of mode path-traced: few passes then look like many
     #[arg(long)]
     denoise: bool,
     #[command(flatten)]

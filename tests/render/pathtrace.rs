@@ -300,9 +300,9 @@ fn a_furnace_gives_what_one_scattering_can_and_never_more() {
 }
 
 /// Light that a slab of isotropic scatterers sends straight back to the eye for distant light from
-/// the given cosine, after at most so many scatterings: the source function of each scattering
-/// follows from that of the one before by an integral over the slab with the kernel E1, which is
-/// exact over cells by differences of E2.
+/// the given cosine, for paths of up to `scatterings` scatterings. An integral over the slab with the
+/// kernel E1 gives the source function of a scattering from that of the previous one. Differences of
+/// E2 integrate the kernel exactly over a cell.
 fn slab_scattered(extinction: f64, cosine: f64, albedo: f64, scatterings: usize) -> f64 {
     let cells = 400;
     let thickness = extinction * SLAB_MM;

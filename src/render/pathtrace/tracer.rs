@@ -22,6 +22,9 @@ use relief_volume::{ContentHash, Volume};
 /// picture to be cancelled, long enough not to matter.
 const COLLISIONS_OF_DISPATCH: u64 = 1 << 18;
 
+/// Marches of a pixel's guides, about: nine rays, each with a shadow or two.
+const GUIDE_MARCHES: f64 = 24.0;
+
 /// The path tracer of one device.
 pub(crate) struct PathTracer {
     stage: Stage,
@@ -92,10 +95,12 @@ impl PathTracer {
         self.add_passes(order, &mut sums, watch)?;
         let mut picture: Vec<[u8; 4]> =
             sums.picture.read(gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;
-        if request.path_trace.denoise {
-            picture = self.denoise(order, &mut sums, watch)?;
-        }
+        let denoised = request.path_trace.denoise.then(|| self.denoise(order, &mut sums, watch));
+        // The passes are whole, even if the denoiser was cancelled.
         self.sums = Some(sums);
+        if let Some(denoised) = denoised {
+            picture = denoised?;
+        }
         Ok(picture)
     }
 
@@ -142,7 +147,7 @@ impl PathTracer {
         let dispatch = Dispatch {
             gpu,
             region: Region::whole(request.size_px),
-            bands: bands.for_rays(4.0 * request.samples_of_ray(volume.grid())),
+            bands: bands.for_rays(GUIDE_MARCHES * request.samples_of_ray(volume.grid())),
             uniform: &self.frame,
             pipeline: &stage.pipeline,
             groups: &[&groups[0], &groups[1]],

@@ -53,6 +53,11 @@ export function outputOf(parameters) {
   const [eye] = numbersOf(parameters, "eye", [0], ([n]) => Math.abs(n) <= 16, "-16 to 16 eye separations from the middle");
   const [inches] = numbersOf(parameters, "inches", [0], ([n]) => n > 1 && n < 1000, "1 to 1000");
   const lens = numbersOf(parameters, "lens", [5, 0.333, 0], ([pitch]) => pitch > 0, "pixels from lens to lens, slant, centre");
+  for (const [key, allowed] of [["subpixels", ["rgb", "bgr"]], ["layers", ["1", "2"]]]) {
+    const found = parameters.get(key) ?? allowed[0];
+    if (!allowed.includes(found)) throw new Error(`${key} is ${found.slice(0, 40)}; allowed: ${allowed.join(", ")}`);
+  }
+  if (parameters.has("layout")) throw new Error("layout is set; allowed: nothing beside output, which chooses the layout itself");
   const isBgr = parameters.get("subpixels") === "bgr";
   return { name, ...output, views, grid: GRIDS[Math.max(2, views)], span, eye, inches, lens, isBgr, isSwapped: parameters.has("swap") };
 }
