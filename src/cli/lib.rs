@@ -15,6 +15,7 @@ mod calibrate;
 mod capacity;
 mod choices;
 mod client;
+mod convert;
 mod doctor;
 mod golden;
 mod inspect;
@@ -65,6 +66,7 @@ Examples:
   relief render --series head --preset bone --out head.png
   relief inspect head.png                        decode the 2D-plus-depth header of a frame
   relief preview head.png --out wiggle.png       what a display makes of a frame, as an animation
+  relief convert photo.png --estimate-depth --out frame.png   a plain picture as a frame
   relief serve --series head                     serve it; the page is at the printed address
   relief client --server http://HOST:8080        show a live session on a 3D display
   relief track --reports hidraw                  poses of a Wiimote that sees a beacon
@@ -79,6 +81,7 @@ enum Command {
     Inspect(inspect::InspectArguments),
     Render(render::RenderArguments),
     Preview(preview::PreviewArguments),
+    Convert(convert::ConvertArguments),
     Presets(presets::PresetsArguments),
     Bench(bench::BenchArguments),
     Serve(serve::ServeArguments),
@@ -117,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Preview(arguments) => preview::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Presets(arguments) => presets::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Serve(arguments) => serve::run(&arguments),
