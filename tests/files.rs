@@ -5,6 +5,7 @@
 
 mod cli;
 mod common;
+mod convert;
 mod dicom;
 mod dicom_objects;
 mod exchange;

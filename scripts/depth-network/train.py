@@ -1,3 +1,4 @@
+# Trains the depth network and writes it as ONNX.
 """Trains the depth network on pictures of `views.py` and writes it as ONNX.
 
 The network takes `image` (1, 3, height, width), colours from 0 to 1 with sides that are multiples of 32, and gives

@@ -1,3 +1,4 @@
+# Renders pictures with true depth, for training and testing the depth network.
 """Pictures with true depth, for training and testing the depth network.
 
 Makes procedural volumes, renders random views of them and of given series with `relief batch`, and packs the pictures

@@ -36,6 +36,8 @@ const OWN_STEP: u32 = 32;
 const OTHER_STEP: u32 = 224;
 /// Mean and deviation of ImageNet's colours, 0 to 1.
 const IMAGENET: [[f32; 3]; 2] = [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]];
+/// Closeness up to this is background: networks learn 0 for it, and 0.1 for the farthest surface.
+const BACKGROUND: f32 = 0.05;
 /// Shares of the pixels that are nearer and farther than the scale of a relative estimate.
 const OUTLIERS: [f64; 2] = [0.01, 0.99];
 
@@ -91,7 +93,7 @@ impl DepthNetwork {
         let [input_width, input_height] = self.input_px([width, height]);
         let small = resize(picture, input_width, input_height, FilterType::Triangle);
         let (found_px, values) = self.run(&small)?;
-        let scaled = if self.gives_closeness { values } else { relative(values) };
+        let scaled = if self.gives_closeness { with_flat_background(values) } else { relative(values) };
         let coarse =
             Closeness::new(found_px, scaled).ok_or_else(|| EstimateError::Output { found: Vec::new() })?;
         let guide = if found_px == [input_width, input_height] {
@@ -171,6 +173,12 @@ fn input_sides(model: &Model) -> Result<[Option<u32>; 2], EstimateError> {
         Dimension::Symbolic(_) => Ok(None),
     };
     Ok([fixed(width)?, fixed(height)?])
+}
+
+/// Closeness whose background is exactly 0.
+fn with_flat_background(mut values: Vec<f32>) -> Vec<f32> {
+    values.iter_mut().for_each(|value| *value = ((*value - BACKGROUND) / (1.0 - BACKGROUND)).max(0.0));
+    values
 }
 
 /// Values without scale as 0 to 1, without outliers.

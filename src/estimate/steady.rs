@@ -5,6 +5,7 @@
 //! the scale of each estimate to the one before, because a network measures every picture anew.
 
 use image::RgbImage;
+use image::imageops::thumbnail;
 
 use crate::closeness::Closeness;
 
@@ -12,6 +13,9 @@ use crate::closeness::Closeness;
 const LEAST_NEW: f32 = 0.15;
 /// Change of colour from which an estimate is taken as it is, bytes (largest of three channels).
 const CHANGED: f32 = 24.0;
+/// Pixels to each side over which colours are averaged before they are compared, so that noise of
+/// single pixels is no change.
+const AVERAGED_PX: u32 = 4;
 /// Mean change of colour of a cut, bytes: another scene begins, and nothing is kept.
 const CUT: f32 = 48.0;
 /// Scales outside of this are no drift of a network, and are not corrected.
@@ -20,7 +24,15 @@ const SCALES: std::ops::RangeInclusive<f32> = 0.7..=1.4;
 /// The state between the pictures of one film.
 #[derive(Debug, Default)]
 pub struct Steady {
-    last: Option<(RgbImage, Vec<f32>)>,
+    last: Option<Last>,
+}
+
+/// The last picture: its size, its averaged colours, and its steadied estimate.
+#[derive(Debug)]
+struct Last {
+    size_px: [u32; 2],
+    colors: RgbImage,
+    values: Vec<f32>,
 }
 
 impl Steady {
@@ -29,35 +41,48 @@ impl Steady {
     #[must_use]
     pub fn next(&mut self, picture: &RgbImage, estimate: Closeness) -> Closeness {
         let size_px = estimate.size_px();
+        let colors = averaged(picture);
         let values = match self.last.take() {
-            Some((before, kept))
-                if before.dimensions() == picture.dimensions() && kept.len() == estimate.values().len() =>
-            {
-                blended(&before, &kept, picture, &estimate)
+            Some(last) if last.size_px == size_px && picture.dimensions() == size_px.into() => {
+                blended(&last, &colors, &estimate)
             }
             _ => estimate.values().to_vec(),
         };
-        self.last = Some((picture.clone(), values.clone()));
+        self.last = Some(Last { size_px, colors, values: values.clone() });
         Closeness::new(size_px, values).unwrap_or(estimate)
     }
 }
 
-fn blended(before: &RgbImage, kept: &[f32], picture: &RgbImage, estimate: &Closeness) -> Vec<f32> {
-    let change = |index: usize| {
-        let at = index * 3;
-        (at..at + 3).map(|byte| before.as_raw()[byte].abs_diff(picture.as_raw()[byte])).max().unwrap_or(0)
+/// The picture, smaller: mean colours of squares.
+fn averaged(picture: &RgbImage) -> RgbImage {
+    let side = |side: u32| side.div_ceil(AVERAGED_PX).max(1);
+    thumbnail(picture, side(picture.width()), side(picture.height()))
+}
+
+fn blended(last: &Last, colors: &RgbImage, estimate: &Closeness) -> Vec<f32> {
+    let of_square = |(before, now): (&image::Rgb<u8>, &image::Rgb<u8>)| {
+        before.0.iter().zip(now.0).map(|(before, now)| before.abs_diff(now)).max().unwrap_or(0)
     };
-    let changes: Vec<u8> = (0..kept.len()).map(change).collect();
-    let mean = changes.iter().map(|change| f64::from(*change)).sum::<f64>() / kept.len() as f64;
+    let squares: Vec<u8> = last.colors.pixels().zip(colors.pixels()).map(of_square).collect();
+    let mean = squares.iter().map(|change| f64::from(*change)).sum::<f64>() / squares.len() as f64;
     if mean > f64::from(CUT) {
         return estimate.values().to_vec();
     }
-    let scale = scale_between(&changes, kept, estimate.values());
+    let [width, height] = estimate.size_px();
+    let square = |x: u32, y: u32| {
+        let place = |at: u32, side: u32, squares: u32| {
+            (u64::from(at) * u64::from(squares) / u64::from(side)) as usize
+        };
+        squares[place(y, height, colors.height()) * colors.width() as usize + place(x, width, colors.width())]
+    };
+    let changes: Vec<u8> =
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| square(x, y)).collect();
+    let scale = scale_between(&changes, &last.values, estimate.values());
     let value = |((change, kept), new): ((&u8, &f32), &f32)| {
         let share = LEAST_NEW + (1.0 - LEAST_NEW) * (f32::from(*change) / CHANGED).min(1.0);
         kept + share * (new * scale - kept)
     };
-    changes.iter().zip(kept).zip(estimate.values()).map(value).collect()
+    changes.iter().zip(&last.values).zip(estimate.values()).map(value).collect()
 }
 
 /// The factor that fits a new estimate to the last one by least squares, where nothing changed.

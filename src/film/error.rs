@@ -42,6 +42,12 @@ pub enum FilmError {
         /// The file.
         path: PathBuf,
     },
+    /// The folder of the film does not exist.
+    #[error("there is no folder {}", path.display())]
+    NoFolder {
+        /// The folder.
+        path: PathBuf,
+    },
     /// FFV1 does not fit into the container.
     #[error("{} cannot hold FFV1: the ending has to be .mkv", path.display())]
     Container {

@@ -100,6 +100,9 @@ impl FilmWriter {
             return Err(FilmError::Container { path: path.to_owned() });
         }
         let beside = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !beside.is_dir() {
+            return Err(FilmError::NoFolder { path: beside.to_owned() });
+        }
         let folder = tempfile::Builder::new().prefix(".relief-film").tempdir_in(beside)?;
         let mut command = ffmpeg.command();
         command.args([

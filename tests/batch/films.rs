@@ -1,20 +1,7 @@
 //! Turntables as films: MP4 where ffmpeg is, and clear words where it is not.
 
 use super::*;
-
-/// An ffmpeg of this machine, or the peers'.
-fn ffmpeg() -> Option<String> {
-    let runs =
-        |path: &str| Command::new(path).arg("-version").output().is_ok_and(|output| output.status.success());
-    if runs("ffmpeg") {
-        return Some("ffmpeg".to_owned());
-    }
-    let python = std::env::var_os("RELIEF_PEERS_PYTHON")?;
-    let found =
-        Command::new(python).args(["-c", "import imageio_ffmpeg as f; print(f.get_ffmpeg_exe())"]).output();
-    let path = String::from_utf8(found.ok()?.stdout).ok()?.trim().to_owned();
-    runs(&path).then_some(path)
-}
+use crate::common::ffmpeg::ffmpeg;
 
 #[test]
 fn an_mp4_has_every_turn_and_opencv_plays_it() {

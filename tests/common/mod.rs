@@ -7,6 +7,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
 pub(crate) mod child;
+pub(crate) mod ffmpeg;
 pub(crate) mod hostile;
 
 use std::collections::HashMap;
