@@ -1,6 +1,9 @@
 //! `relief convert`: plain pictures and films as 2D-plus-depth frames.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-#![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud, and figures belong to the log")]
+#![allow(
+    clippy::print_stderr,
+    reason = "a test that cannot run says so aloud, and figures belong to the log"
+)]
 
 mod accuracy;
 mod films;
