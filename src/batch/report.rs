@@ -59,17 +59,18 @@ pub fn write_report(
         if let Some(sheet) = sheet(shown) {
             out.put(&format!("{name}/contact-sheet.png"), sheet)?;
         }
-        films.write(out, name, &turns(name, shown))
+        films.write_frames(out, name, &turns(name, shown, Product::Frame))?;
+        films.write(out, name, &turns(name, shown, Product::Color))
     })?;
     let records = series.values().flatten().map(|one| &one.record);
     dataset::write_tables(records, out)?;
     out.put(REPORT, page(jobs.len(), &series, failures))
 }
 
-/// The colours of group `turntable`.
-fn turns(series: &str, shown: &[ReportedJob]) -> Vec<String> {
+/// The colours or the frames of group `turntable`.
+fn turns(series: &str, shown: &[ReportedJob], product: Product) -> Vec<String> {
     let turns = shown.iter().filter(|one| one.record.group == "turntable");
-    turns.filter_map(|one| one.record.output(Product::Color)).map(|file| format!("{series}/{file}")).collect()
+    turns.filter_map(|one| one.record.output(product)).map(|file| format!("{series}/{file}")).collect()
 }
 
 /// The colour of a job, made small, with annotations where it has them; of a frame its left half.

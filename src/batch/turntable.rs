@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::str::FromStr;
 
-use image::RgbImage;
+use image::{DynamicImage, RgbImage};
+use relief_film::{FilmCodec, FrameRate};
 
 use super::sink::Sink;
 use crate::picture::LARGEST_PICTURE;
@@ -106,6 +107,19 @@ impl FilmWriter {
         }
     }
 
+    /// Writes the display's frames of a turntable as `turntable.frame.mkv`, without loss, if there is
+    /// ffmpeg; nothing of fewer than two, of several sizes, or of 16-bit frames.
+    ///
+    /// # Errors
+    /// When the file cannot be written, ffmpeg fails, or the decoded film differs from the frames.
+    pub(super) fn write_frames(&self, out: &Sink, series: &str, turns: &[String]) -> std::io::Result<()> {
+        let Some(ffmpeg) = self.ffmpeg.as_deref().filter(|_| turns.len() > 1) else { return Ok(()) };
+        match frame_film(ffmpeg, out, turns).map_err(std::io::Error::other)? {
+            Some(film) => out.put(&format!("{series}/turntable.frame.mkv"), film),
+            None => Ok(()),
+        }
+    }
+
     /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these outputs of a series;
     /// nothing of fewer than two, or of several sizes.
     ///
@@ -195,6 +209,35 @@ impl Animation {
     fn pixels(&mut self, pixels: &[u8], is_first: bool) {
         if is_first { self.chunk(*b"IDAT", &[pixels]) } else { self.numbered(*b"fdAT", &[pixels]) }
     }
+}
+
+/// The frames as a film, whose pixels were compared with theirs.
+fn frame_film(
+    ffmpeg: &Path,
+    out: &Sink,
+    turns: &[String],
+) -> Result<Option<Vec<u8>>, relief_film::FilmError> {
+    let ffmpeg = relief_film::Ffmpeg::find(ffmpeg)?;
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("frames.mkv");
+    let rate = FrameRate { pictures: 1000, seconds: TURN_MS.into() };
+    let mut film: Option<relief_film::FilmWriter> = None;
+    for name in turns {
+        let Some(DynamicImage::ImageRgb8(frame)) = open(out, name) else { return Ok(None) };
+        let size_px = [frame.width(), frame.height()];
+        let started = match film.take() {
+            Some(film) => film,
+            None => relief_film::FilmWriter::start(&ffmpeg, &path, size_px, rate, FilmCodec::H264)?,
+        };
+        match film.insert(started).write(size_px, &frame) {
+            Err(relief_film::FilmError::Size { .. }) => return Ok(None),
+            written => written?,
+        }
+    }
+    if let Some(film) = film {
+        film.finish()?;
+    }
+    Ok(Some(std::fs::read(&path)?))
 }
 
 /// The first encoder that this ffmpeg has makes the film.

@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use rten::{Dimension, Model, RunOptions};
+use rten::{Dimension, Model, ModelOptions, OpRegistry, RunOptions, op_registry};
 use rten_tensor::NdTensor;
 use rten_tensor::prelude::*;
 
@@ -73,7 +73,8 @@ impl DepthNetwork {
         if bytes > MAX_NETWORK_BYTES {
             return Err(EstimateError::TooLarge { bytes, most: MAX_NETWORK_BYTES });
         }
-        let loaded = guarded(|| Model::load(file).map_err(|error| error.to_string()));
+        let options = ModelOptions::with_ops(operators());
+        let loaded = guarded(|| options.load(file).map_err(|error| error.to_string()));
         let model = loaded.map_err(|message| EstimateError::Load { message })?;
         let fixed_px = input_sides(&model)?;
         let output = model.output_ids().first().and_then(|id| model.node_info(*id));
@@ -150,6 +151,61 @@ impl DepthNetwork {
         }
         Ok(([width, height], values))
     }
+}
+
+/// The operators of the networks that are supported, which are the only ones in the program: those
+/// of the built-in network, of MiDaS, and of Depth Anything.
+fn operators() -> OpRegistry {
+    op_registry!(
+        Add,
+        AveragePool,
+        BatchNormalization,
+        Cast,
+        Clip,
+        Concat,
+        ConstantOfShape,
+        Conv,
+        ConvTranspose,
+        Div,
+        Equal,
+        Erf,
+        Exp,
+        Expand,
+        Flatten,
+        Floor,
+        Gather,
+        Gelu,
+        Gemm,
+        GlobalAveragePool,
+        HardSigmoid,
+        HardSwish,
+        Identity,
+        LayerNormalization,
+        LeakyRelu,
+        MatMul,
+        MaxPool,
+        Mul,
+        Pad,
+        Pow,
+        Range,
+        Reciprocal,
+        ReduceMean,
+        Relu,
+        Reshape,
+        Resize,
+        Shape,
+        Sigmoid,
+        Slice,
+        Softmax,
+        Split,
+        Sqrt,
+        Squeeze,
+        Sub,
+        Tanh,
+        Transpose,
+        Unsqueeze,
+        Where
+    )
 }
 
 /// Width and height of the input, where the file fixes them.

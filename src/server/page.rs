@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 76] = [
+const FILES: [(&str, &str, &str); 77] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -76,6 +76,7 @@ const FILES: [(&str, &str, &str); 76] = [
     ("/frame.js", SCRIPT, include_str!("page/kiosk/frame.js")),
     ("/panel.js", SCRIPT, include_str!("page/kiosk/panel.js")),
     ("/outputs.js", SCRIPT, include_str!("page/kiosk/outputs.js")),
+    ("/comfort.js", SCRIPT, include_str!("page/kiosk/comfort.js")),
     ("/synthesis.js", SCRIPT, include_str!("page/kiosk/synthesis.js")),
     ("/view-shader.js", SCRIPT, include_str!("page/kiosk/view-shader.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),

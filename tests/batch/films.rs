@@ -42,6 +42,31 @@ print(json.dumps({'nearest': nearest, 'size': size, 'fps': film.get(cv2.CAP_PROP
 }
 
 #[test]
+fn the_frames_of_a_turntable_are_a_film_without_loss() {
+    let Some(ffmpeg) = ffmpeg() else {
+        eprintln!("SKIPPED: frames of turntables as films (there is no ffmpeg)");
+        return;
+    };
+    let archive = Archive { folder: tempfile::tempdir().unwrap() };
+    let (root, out) = (archive.text("series"), archive.text("jobs.jsonl"));
+    ok(&relief(&["phantom", "--kind", "head", "--size", "32", "--out", &archive.text("series/head")]));
+    let plan =
+        ["batch", "plan", "--root", &root, "--out", &out, "--views", "turntable:3", "--preset", "bone"];
+    ok(&relief(&[&plan[..], &["--products", "frame"]].concat()));
+    ok(&archive.run(&["--ffmpeg", &ffmpeg]));
+    let folder = archive.path("out").join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+    let decoded = archive.text("turn-%03d.png");
+    let mut decode = Command::new(&ffmpeg);
+    decode.args(["-loglevel", "error", "-i"]).arg(folder.join("turntable.frame.mkv")).arg(&decoded);
+    assert!(decode.status().unwrap().success());
+    for turn in 0..3 {
+        let pixels = |path: &Path| image::open(path).unwrap().into_rgb8();
+        let frame = pixels(&folder.join(format!("turntable-{turn:03}.frame.png")));
+        assert!(frame == pixels(&archive.path(&format!("turn-{:03}.png", turn + 1))), "turn {turn} differs");
+    }
+}
+
+#[test]
 fn without_ffmpeg_there_is_the_animated_png_and_a_word() {
     let archive = Archive::of_phantoms(1);
     ok(&archive.plan(&["--views", "turntable:2"]));

@@ -218,6 +218,33 @@ def outputs(playwright, server):
     return found
 
 
+def comfort(playwright, server):
+    """Parallax that the menu states, and warnings, against the disparity of the served frame."""
+    opened = browser(playwright)
+    volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"
+    found = {}
+    for name, more, factor in [("usual", "", 64), ("strong", "&factor=192", 192), ("strict", "&comfort=0.1,0.1", 64)]:
+        served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}&factor={factor}"))
+        disparity = numpy.sort(served[::2, 960:, 0][1:].ravel())
+        disparity = disparity[disparity > 0]
+        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone{more}")
+        wait_still(page)
+        page.keyboard.press("m")
+        page.wait_for_selector("#menu[open]")
+        page.wait_for_timeout(1200)
+        ends = [int(disparity[int(len(disparity) * share)]) for share in (0.01, 0.99)]
+        found[name] = {
+            "words": page.inner_text("#facts"), "comfort": page.evaluate(f"{ROOT}.comfort"), "ends": ends, "factor": factor,
+            "warnings": page.inner_text("#comfort"), "problems": problems,
+        }
+        page.close()
+    page, _ = page_of(opened, f"{server.url}/kiosk?comfort=0,3")
+    found["refused"] = page.inner_text("#state")
+    opened.close()
+    return found
+
+
 def hands(playwright, server):
     """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
     opened = browser(playwright)
@@ -372,6 +399,7 @@ def main():
         with sync_playwright() as playwright:
             found = {"exact": exactness(playwright, server)}
             found["outputs"] = outputs(playwright, server)
+            found["comfort"] = comfort(playwright, server)
             found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)

@@ -154,6 +154,30 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
 
 /// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
 /// reconnects to a restarted server.
+/// The parallax by the formula: 65 mm of eye separation on a screen of 42 inches, M = -1960.37 as published.
+#[test]
+fn the_menu_states_parallax_and_warns_where_it_is_uncomfortable() {
+    let Some(seen) = seen("comfort of the kiosk") else { return };
+    let comfort = &seen["comfort"];
+    let width_mm = 42.0 * 25.4 * 16.0 / 16f64.hypot(9.0);
+    for name in ["usual", "strong", "strict"] {
+        let found = &comfort[name];
+        assert_eq!(found["problems"], serde_json::json!([]), "{found}");
+        let share = |end: usize| {
+            let disparity = number(&found["ends"][end]) - 128.0;
+            100.0 * 65.0 / width_mm * number(&found["factor"]) / 64.0 * disparity / 1960.37
+        };
+        let (behind, front) = ((-share(0)).max(0.0), share(1).max(0.0));
+        let expected = format!("{front:.1} % of the width in front of the screen, {behind:.1} % behind");
+        assert!(found["words"].as_str().unwrap().contains(&expected), "{expected}: {found}");
+    }
+    assert_eq!((&comfort["usual"]["comfort"], &comfort["usual"]["warnings"]), (&"good".into(), &"".into()));
+    assert_eq!(comfort["strict"]["comfort"], "bad");
+    let warnings = comfort["strict"]["warnings"].as_str().unwrap();
+    assert!(warnings.contains("Parallax in front") && warnings.contains("above 0.1 %"), "{warnings}");
+    assert!(comfort["refused"].as_str().unwrap().contains("comfort is 0,3; allowed: per cent"), "{comfort}");
+}
+
 #[test]
 fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let Some(seen) = seen("hands on a kiosk") else { return };

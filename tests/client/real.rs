@@ -289,6 +289,33 @@ fn a_recorded_session_plays_again_and_ends_in_the_same_picture() {
     assert_eq!((output.status.code(), &json_of(&output)["same"]), (Some(1), &Value::Bool(false)));
 }
 
+#[test]
+fn a_session_recorded_as_a_film_has_frames_with_intact_headers() {
+    let Some(ffmpeg) = crate::common::ffmpeg::ffmpeg() else {
+        eprintln!("SKIPPED: sessions as films (there is no ffmpeg)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    serving.ready();
+    let film = folder.path().join("session.mkv");
+    let name = film.to_str().unwrap();
+    let arguments = ["--preset", "bone", "--look", "70,-20,1.5", "--factor", "90", "--record", name];
+    let mut client = Process::start(&serving.url(), &[&arguments[..], &["--ffmpeg", &ffmpeg]].concat());
+    client.until_told("connected");
+    serving.until_still();
+    client.stop();
+    let last = folder.path().join("last.png");
+    let decode = ["-loglevel", "error", "-i", name, "-update", "1", last.to_str().unwrap()];
+    assert!(Command::new(&ffmpeg).args(decode).status().unwrap().success());
+    let report = json_of(&relief(&["inspect", last.to_str().unwrap(), "--json"]).output().unwrap());
+    assert_eq!(report["problems"].as_array().map(Vec::len), Some(0), "{report}");
+    assert_eq!(report["factor"], 90);
+    let missing = ["--record", name, "--ffmpeg", "no-such-ffmpeg"];
+    let refused = self::client(&serving.url(), &missing);
+    assert!(text(&refused.stderr).contains("apt-get install ffmpeg"), "{}", text(&refused.stderr));
+}
+
 /// A hand that points, then comes 120 mm closer and 20 mm up, and rests there.
 struct Approach {
     from: SensorPose,

@@ -114,7 +114,8 @@ struct ReportArguments {
 
 #[derive(Debug, clap::Args)]
 struct FilmArguments {
-    /// Turntables: apng, mp4 (and apng; needs ffmpeg), or auto: apng, and mp4 where ffmpeg is
+    /// Turntables: apng, mp4 (and apng; needs ffmpeg), or auto: apng, and mp4 where ffmpeg is. With
+    /// ffmpeg, the frames of product `frame` also become a film without loss, turntable.frame.mkv
     #[arg(long, value_name = "FILM", default_value = "auto")]
     turntable: FilmChoice,
     /// The ffmpeg to use

@@ -10,6 +10,7 @@ use crate::slice::parse_triple;
 use relief_annotation::ShownSets;
 use relief_client::ServerAddress;
 use relief_display::{Layout, ProfileName, ScreenPlane};
+use relief_film::FilmCodec;
 use relief_live::{LiveLayout, OrbitPose, check_view_name};
 
 /// Show the frames of a live session on this machine's display, pixel for pixel, and send it the
@@ -84,9 +85,8 @@ pub(crate) struct ClientArguments {
     pub(crate) remote: RemoteArguments,
     #[command(flatten)]
     pub(crate) headless: HeadlessArguments,
-    /// Record the session: messages and hashes of frames, JSON lines
-    #[arg(long, value_name = "FILE", conflicts_with = "measure")]
-    pub(crate) record: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) recording: RecordArguments,
     /// Play a recorded session, and compare its still pictures
     #[arg(long, value_name = "FILE", conflicts_with_all = ["measure", "look"])]
     pub(crate) replay: Option<PathBuf>,
@@ -96,6 +96,20 @@ pub(crate) struct ClientArguments {
     #[cfg(feature = "window")]
     #[command(flatten)]
     pub(crate) window: WindowArguments,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct RecordArguments {
+    /// Record the session: messages and hashes of frames as JSON lines, or the frames as a film without
+    /// loss (.mkv, .mp4), 25 a second
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["measure", "replay"])]
+    pub(crate) record: Option<PathBuf>,
+    /// Codec of a film: h264, without loss in RGB, or ffv1, for archives in .mkv
+    #[arg(long, value_name = "NAME", default_value = "h264", requires = "record")]
+    pub(crate) codec: FilmCodec,
+    /// The ffmpeg to use
+    #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
+    pub(crate) ffmpeg: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]
@@ -150,6 +164,7 @@ Examples:
   relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
   RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
   relief client --server http://127.0.0.1:8080 --headless --look 30,10 --save-frame frame.png
+  relief client --server http://127.0.0.1:8080 --headless --record session.mkv     until Ctrl-C
   relief client --server http://127.0.0.1:8080 --headless --measure 10 --json
   relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";
 

@@ -1,6 +1,7 @@
 //! `relief client`: the thin client of a display box.
 
 pub(crate) mod arguments;
+mod film;
 mod remote;
 mod replay;
 mod session;
@@ -41,7 +42,7 @@ fn run_session(
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<ExitCode> {
     let handle = Handle::new();
-    let recorder = Recorder::create(arguments.record.as_deref(), &session.options.hello)?;
+    let recorder = Recorder::create(&arguments.recording, session)?;
     let remote = remote::start(&arguments.remote, &handle)?;
     #[cfg(feature = "window")]
     if !arguments.headless.headless {
@@ -54,8 +55,9 @@ fn run_session(
         bail!("this program was built without its window (feature window); --headless works without one");
     }
     drop(remote);
-    let is_idle =
-        arguments.headless.save_frame.is_none() && arguments.record.is_none() && !arguments.remote.is_there();
+    let is_idle = arguments.headless.save_frame.is_none()
+        && arguments.recording.record.is_none()
+        && !arguments.remote.is_there();
     if is_idle {
         eprintln!(
             "keeping a session open until Ctrl-C; --save-frame, --record and --wiimote give it something to do"

@@ -46,7 +46,7 @@ pub(crate) async fn run(json: bool, path: &Path, session: &Session) -> anyhow::R
     };
     let options = Options { hello, ..session.options.clone() };
     let handle = Handle::new();
-    let recorder = Recorder::create(None, &options.hello)?;
+    let recorder = Recorder::none();
     let watch = FrameCounter::new(&handle, &recorder);
     let on = |event| watch.take(event);
     let link = relief_client::run(&options, &handle, &on);

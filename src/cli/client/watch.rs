@@ -8,43 +8,57 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
+use crate::client::arguments::RecordArguments;
+use crate::client::film::FilmRecorder;
+use crate::client::session::Session;
 use crate::output::GrowingFile;
 use relief_client::{Event, Handle, LinkState, Received};
-use relief_live::{Hello, OrbitPose, PoseKind, ServerMessage};
+use relief_live::{OrbitPose, PoseKind, ServerMessage};
 
-/// A recording that grows, or none.
+/// A recording that grows, or none: messages as JSON lines, or frames as a film.
 pub(crate) struct Recorder(Mutex<Recording>);
 
+#[derive(Default)]
 struct Recording {
     file: Option<GrowingFile>,
+    film: Option<FilmRecorder>,
     failed: Option<anyhow::Error>,
 }
 
 impl Recorder {
-    pub(crate) fn create(path: Option<&Path>, hello: &Hello) -> anyhow::Result<Self> {
-        let mut file = path.map(GrowingFile::create).transpose()?;
-        if let Some(file) = &mut file {
-            file.line(&relief_client::journal_head(hello))?;
+    /// The recording that the arguments ask for.
+    pub(crate) fn create(arguments: &RecordArguments, session: &Session) -> anyhow::Result<Self> {
+        let Some(path) = &arguments.record else { return Ok(Self::none()) };
+        if FilmRecorder::is_film(path) {
+            let composer = session.composer.clone();
+            let film = FilmRecorder::start(path, composer, &arguments.ffmpeg, arguments.codec)?;
+            return Ok(Self(Mutex::new(Recording { film: Some(film), ..Recording::default() })));
         }
-        Ok(Self(Mutex::new(Recording { file, failed: None })))
+        let mut file = GrowingFile::create(path)?;
+        file.line(&relief_client::journal_head(&session.options.hello))?;
+        Ok(Self(Mutex::new(Recording { file: Some(file), ..Recording::default() })))
+    }
+
+    /// A recorder that records nothing.
+    pub(crate) fn none() -> Self {
+        Self(Mutex::new(Recording::default()))
     }
 
     fn recording(&self) -> MutexGuard<'_, Recording> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn is_recording(&self) -> bool {
-        self.recording().file.is_some()
-    }
-
     /// Records events. After a failure it records no more, and [`Recorder::finish`] returns the
     /// error.
     pub(crate) fn keep(&self, t_ns: u64, event: &Event) {
-        if !self.is_recording() {
+        let mut recording = self.recording();
+        if let (Some(film), Event::Frame(received)) = (&recording.film, event) {
+            film.take(received);
+        }
+        if recording.file.is_none() {
             return;
         }
         let Some(line) = relief_client::journal_line(t_ns, event) else { return };
-        let mut recording = self.recording();
         if let Some(Err(error)) = recording.file.as_mut().map(|file| file.line(&line)) {
             (recording.file, recording.failed) = (None, Some(error));
         }
@@ -53,6 +67,9 @@ impl Recorder {
     /// Makes a whole file of it.
     pub(crate) fn finish(&self) -> anyhow::Result<()> {
         let mut recording = self.recording();
+        if let Some(film) = recording.film.take() {
+            return film.finish();
+        }
         match (recording.file.take(), recording.failed.take()) {
             (_, Some(error)) => Err(error),
             (Some(file), None) => file.finish(),

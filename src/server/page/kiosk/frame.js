@@ -20,6 +20,7 @@ export function readHeader(buffer) {
   if (magic !== 0x524c4956 || view.getUint16(4, true) !== 1) throw new Error("this is no frame of relief.v1");
   const flags = view.getUint8(9);
   const pair = (at) => [view.getUint16(at, true), view.getUint16(at + 2, true)];
+  const floats = (at, count) => Array.from({ length: count }, (_, i) => view.getFloat32(at + 4 * i, true));
   const header = {
     lossless: Boolean(flags & FLAGS.lossless),
     still: Boolean(flags & FLAGS.still),
@@ -33,6 +34,9 @@ export function readHeader(buffer) {
     renderUs: view.getUint32(36, true),
     size: pair(48),
     full: pair(52),
+    limits: floats(56, 2),
+    eye: floats(80, 3),
+    lookAt: floats(92, 3),
     display: [64, 65, 66, 67].map((at) => view.getUint8(at)),
     layout: LAYOUTS[view.getUint8(68)]?.name,
     colorBytes: view.getUint32(72, true),

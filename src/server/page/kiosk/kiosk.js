@@ -3,9 +3,10 @@
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
 // has no size of its own). With output (see outputs.js) the page makes views for other displays:
-// views, span, eye, inches, lens, subpixels, swap, and layers (1 or 2).
+// views, span, eye, inches, lens, subpixels, swap, and layers (1 or 2). comfort has the limits of parallax (see comfort.js).
 
 import { onControls } from "./controls.js";
+import { comfortOf, comfortProblems, comfortWords, drawHistogram, outsideWords, parallaxOf } from "./comfort.js";
 import { Panel } from "./panel.js";
 import { compose, layoutOf } from "./frame.js";
 import { outputOf } from "./outputs.js";
@@ -27,12 +28,18 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 let tracking = "";
 let remote = "";
+/** Disparity of the frame on the display, as it came. */
+let lastDepth = null;
 /** The frame that was tested: its layout and size. */
 let tested = "";
 const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
-const synthesis = synthesisOf();
+const profile = parameters.get("profile") ?? "philips-42";
+const synthesis = checked(synthesisOf);
+const comfortLimits = checked(() => comfortOf(parameters));
+/** The parallax of the frame on the display. */
+let comfort = null;
 /** Times of the view synthesis of the last frames, ms. */
 const madeMs = [];
 /** For scripts that drive the page: the current view, from the state in every frame. */
@@ -40,9 +47,14 @@ Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
 /** The view synthesis of the output; undefined if the display takes the frames themselves. */
 function synthesisOf() {
+  const output = outputOf(parameters);
+  return output && new Synthesis(output, profile);
+}
+
+/** What `read` reads from the address; an invalid address ends the page with the reason. */
+function checked(read) {
   try {
-    const output = outputOf(parameters);
-    return output && new Synthesis(output, parameters.get("profile") ?? "philips-42");
+    return read();
   } catch (error) {
     $("state").textContent = error.message;
     document.documentElement.dataset.connection = "ended";
@@ -79,6 +91,7 @@ const session = new Session(helloOf(), {
   show(header, layers) {
     panel.show(frameOf(header, layers));
     shown = header;
+    lastDepth = layers[0].depth;
     arrivals.push(performance.now());
     while (arrivals.length > 30) arrivals.shift();
     // Screen readers would read text on the frame with each change.
@@ -154,6 +167,17 @@ function selfTest() {
   $("problems").replaceChildren(...found.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
 }
 
+/** Measures the parallax of the frame, and says where it is uncomfortable; on the root element, for tests. */
+function checkComfort() {
+  if (!lastDepth) return;
+  comfort = parallaxOf(lastDepth, profile, shown.display);
+  const found = [...comfortProblems(comfort, comfortLimits), outsideWords("The cursor", view?.state?.cursor_mm, shown)].filter(Boolean);
+  document.documentElement.dataset.comfort = found.length ? "bad" : "good";
+  if (!menu.open) return;
+  $("comfort").replaceChildren(...found.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
+  drawHistogram($("histogram"), comfort, comfortLimits);
+}
+
 function fillFacts() {
   if (!shown) return;
   const { full, size, lossless, layout, totalUs, renderUs } = shown;
@@ -164,6 +188,7 @@ function fillFacts() {
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
+    Parallax: comfort ? comfortWords(comfort) : "",
     Preset: view?.state?.preset ?? "",
   };
   const entries = Object.entries(facts).filter(([, fact]) => fact);
@@ -181,6 +206,7 @@ function toggleMenu() {
 
 function tick() {
   selfTest();
+  checkComfort();
   describe();
 }
 
