@@ -261,7 +261,7 @@ fn encode(
     turns: &[String],
     film: &Path,
 ) -> Result<(), EncodeError> {
-    let picture = |name: &String| open(out, name).map(image::DynamicImage::into_rgb8);
+    let picture = |name: &String| open(out, name).map(DynamicImage::into_rgb8);
     let first = turns.first().and_then(picture).ok_or(EncodeError::Pictures)?;
     let size = format!("{}x{}", first.width(), first.height());
     let rate = format!("1000/{TURN_MS}");

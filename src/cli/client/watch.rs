@@ -1,7 +1,6 @@
 //! `relief client` without a window: prints and records events, and keeps the newest still frame.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
