@@ -8,7 +8,7 @@ use data_encoding::HEXLOWER;
 use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;
-use relief_live::{ClientMessage, Intent, PoseKind, Settings};
+use relief_live::{ClientMessage, Eyes, Intent, PoseKind, Settings};
 use relief_tracking::InputReport;
 
 /// The sending end of a session. Clones are the same end.
@@ -67,6 +67,11 @@ impl Handle {
     /// Changes the settings of the view; `false` if they will not be sent.
     pub fn settings(&self, settings: Settings) -> bool {
         self.put(|outbox| outbox.settings(settings))
+    }
+
+    /// Where the eyes of the viewer are; `false` if they will not be sent.
+    pub fn eyes(&self, eyes: Eyes) -> bool {
+        self.put(|outbox| outbox.eyes(eyes))
     }
 
     /// The frame `sequence` of a connection was shown, or is not going to be: the next may come.

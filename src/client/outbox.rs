@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use relief_live::{Ack, ClientMessage, Intent, IntentMessage, Pose, PoseKind, RawReport, Settings};
+use relief_live::{Ack, ClientMessage, Eyes, Intent, IntentMessage, Pose, PoseKind, RawReport, Settings};
 
 /// Most messages that wait; a connection that is this far behind is stalled, and takes no more.
 pub const MAX_QUEUED: usize = 512;
@@ -84,6 +84,15 @@ impl Outbox {
 
     pub(super) fn settings(&mut self, settings: Settings) -> bool {
         self.push(|_| ClientMessage::Settings(Box::new(settings))).is_some()
+    }
+
+    /// Where the eyes are; replaces those that still wait. `false` without a connection.
+    pub(super) fn eyes(&mut self, eyes: Eyes) -> bool {
+        if let Some(ClientMessage::Eyes(last)) = self.queue.back_mut() {
+            *last = eyes;
+            return true;
+        }
+        self.push(|_| ClientMessage::Eyes(eyes)).is_some()
     }
 
     /// A frame of this connection was shown; the newest covers those before it.

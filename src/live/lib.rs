@@ -25,7 +25,7 @@ pub use frame::{
 };
 pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
 pub use messages::{
-    Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Formats, Hello,
+    Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Eyes, Formats, Hello,
     IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
     PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
     SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,

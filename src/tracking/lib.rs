@@ -35,6 +35,7 @@ mod correspondence;
 mod design;
 mod experiment;
 mod filter;
+mod head;
 mod host;
 mod igtl;
 mod pose;
@@ -58,6 +59,7 @@ pub use experiment::{
     simulate_survey,
 };
 pub use filter::{ErrorStateFilter, MotionDensity, PoseFilter, State, Update, Verdict};
+pub use head::{DisplayGeometry, GeometryError, HeadPose, HeadPoseError, OPENTRACK_BYTES};
 pub use host::{Host, HostOptions, HostState, RemoteSenses, Sensitivity, VirtualRemote};
 pub use igtl::{
     IGTL_HEADER_BYTES, IgtlError, IgtlHeader, MAX_BODY_BYTES, igtl_acknowledgement, igtl_message,

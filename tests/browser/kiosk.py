@@ -11,6 +11,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -245,6 +246,72 @@ def comfort(playwright, server):
     return found
 
 
+def eyes(playwright, server):
+    """Views that follow the eyes of a head tracker, against pages whose address has the same places of the eyes."""
+    opened = browser(playwright, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    tracker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        geometry = os.path.join(folder, "display.json")
+        with open(geometry, "w", encoding="ascii") as file:
+            json.dump({"rest_mm": [0, 0, 600], "eye_separation_mm": 60}, file)
+        command = [RELIEF, "client", "--server", server.url, "--headless", "--role", "watcher", "--view", "eyes"]
+        command += ["--eyes", f"opentrack:127.0.0.1:{port}", "--display-geometry", geometry]
+        address = f"{server.url}/kiosk?preset=bone&size=480x270&view=eyes&distance=600"
+        pages = {name: page_of(opened, f"{address}&output={name}") for name in ("flat", "stereo")}
+        for page, _ in pages.values():
+            wait_still(page)
+        client = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        found["connected"] = any("connected" in line for line in iter(client.stderr.readline, ""))
+
+        def send(*numbers):
+            tracker.sendto(struct.pack("<6d", *numbers), ("127.0.0.1", port))
+
+        def shown(name, numbers):
+            page, problems = pages[name]
+            before = int(page.evaluate(f"{ROOT}.eyes ?? 0"))
+            for _ in range(3):
+                send(*numbers)
+                page.wait_for_timeout(150)
+            wait_for(page, f"Number({ROOT}.eyes ?? 0) > {before}")
+            page.wait_for_timeout(300)
+            return pixels(page.locator("#frame").screenshot()), problems
+
+        def fixed(name, more):
+            page, problems = page_of(opened, f"{address}&output={name}{more}".replace("view=eyes", "view=fixed"))
+            wait_still(page)
+            shot = pixels(page.locator("#frame").screenshot())
+            page.close()
+            return shot
+
+        rest = pixels(pages["flat"][0].locator("#frame").screenshot())
+        # 130 mm to the right at 600 mm; the same at twice the distance; both eyes of a head that has turned its side.
+        places = {
+            "right": ("flat", (13, 0, 0, 0, 0, 0), "&eye=2"),
+            "far": ("flat", (13, 0, 60, 0, 0, 0), "&eye=1"),
+            "pair": ("stereo", (6.5, 0, 0, 0, 0, 0), f"&eye=1&span={60 / 65}"),
+        }
+        send(1, 2, 3, 4, 5, float("nan"))
+        for place, (name, numbers, more) in places.items():
+            shot, problems = shown(name, numbers)
+            expected = fixed(name, more)
+            found[place] = {"different": int((shot != expected).any(axis=2).sum()), "problems": problems}
+            if name == "flat":
+                found[place]["moved"] = int((shot != rest).any(axis=2).sum())
+        page, _ = pages["flat"]
+        page.keyboard.press("m")
+        page.wait_for_selector("#menu[open]")
+        page.wait_for_timeout(1200)
+        found["words"] = page.inner_text("#facts")
+        client.send_signal(signal.SIGINT)
+        found["said"] = client.communicate()[1]
+    opened.close()
+    return found
+
+
 def hands(playwright, server):
     """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
     opened = browser(playwright)
@@ -400,6 +467,7 @@ def main():
             found = {"exact": exactness(playwright, server)}
             found["outputs"] = outputs(playwright, server)
             found["comfort"] = comfort(playwright, server)
+            found["eyes"] = eyes(playwright, server)
             found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)

@@ -152,9 +152,27 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
     assert!(refused.contains("output is hologram; allowed: frame, flat, stereo"), "{refused}");
 }
 
-/// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
-/// reconnects to a restarted server.
-/// The parallax by the formula: 65 mm of eye separation on a screen of 42 inches, M = -1960.37 as published.
+/// Invariant: Views follow a tracked viewer: they are those of the same places of the eyes, byte by byte.
+#[test]
+fn views_follow_the_eyes_of_a_head_tracker() {
+    let Some(seen) = seen("eyes of a viewer") else { return };
+    let eyes = &seen["eyes"];
+    assert_eq!(eyes["connected"], true, "{eyes}");
+    for place in ["right", "far", "pair"] {
+        assert_eq!(
+            (&eyes[place]["different"], &eyes[place]["problems"]),
+            (&0.into(), &serde_json::json!([])),
+            "{eyes}"
+        );
+    }
+    let moved = |place: &str| eyes[place]["moved"].as_i64().unwrap();
+    assert!(moved("right") > 1000 && moved("far") > 500, "{eyes}");
+    let words = eyes["words"].as_str().unwrap();
+    assert!(words.contains("mm away") && words.contains("ms after they came"), "{words}");
+    assert!(eyes["said"].as_str().unwrap().contains("out of range"), "a wrong datagram is reported: {eyes}");
+}
+
+/// Truth: the published formula, with 65 mm of eye separation on a screen of 42 inches and M = -1960.37.
 #[test]
 fn the_menu_states_parallax_and_warns_where_it_is_uncomfortable() {
     let Some(seen) = seen("comfort of the kiosk") else { return };
@@ -178,6 +196,8 @@ fn the_menu_states_parallax_and_warns_where_it_is_uncomfortable() {
     assert!(comfort["refused"].as_str().unwrap().contains("comfort is 0,3; allowed: per cent"), "{comfort}");
 }
 
+/// Invariant: Hands move the view of the kiosk, its cursor lies where a pick lies, and the kiosk
+/// reconnects to a restarted server.
 #[test]
 fn hands_move_the_view_and_a_server_that_comes_back_is_found() {
     let Some(seen) = seen("hands on a kiosk") else { return };

@@ -50,6 +50,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("pip install torch", "downloads gigabytes"),
     ("depth-network", "renders and trains for two hours"),
     ("depth.onnx", "needs the trained network's file; tests of networks make one"),
+    ("--eyes opentrack", "listens until it is stopped; tests of pages send poses"),
     ("--record session.mkv", "records until it is stopped; tests of the client stop it"),
     ("mjpeg", "streams without end"),
     ("liver-1", "needs drawn curves; tests of structures fill some"),

@@ -4,6 +4,7 @@ use std::net::IpAddr;
 use std::path::PathBuf;
 
 use crate::choices::layouts;
+use crate::client::eyes::EyesArguments;
 use crate::client::remote::RemoteArguments;
 use crate::scene::parse_size;
 use crate::slice::parse_triple;
@@ -84,6 +85,8 @@ pub(crate) struct ClientArguments {
     #[command(flatten)]
     pub(crate) remote: RemoteArguments,
     #[command(flatten)]
+    pub(crate) eyes: EyesArguments,
+    #[command(flatten)]
     pub(crate) headless: HeadlessArguments,
     #[command(flatten)]
     pub(crate) recording: RecordArguments,
@@ -163,6 +166,7 @@ Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Dow
 Examples:
   relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
   RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
+  relief client --server http://127.0.0.1:8080 --headless --role watcher --view theatre-1 --eyes opentrack
   relief client --server http://127.0.0.1:8080 --headless --look 30,10 --save-frame frame.png
   relief client --server http://127.0.0.1:8080 --headless --record session.mkv     until Ctrl-C
   relief client --server http://127.0.0.1:8080 --headless --measure 10 --json

@@ -1,6 +1,7 @@
 //! `relief client`: the thin client of a display box.
 
 pub(crate) mod arguments;
+mod eyes;
 mod film;
 mod remote;
 mod replay;
@@ -44,6 +45,7 @@ fn run_session(
     let handle = Handle::new();
     let recorder = Recorder::create(&arguments.recording, session)?;
     let remote = remote::start(&arguments.remote, &handle)?;
+    eyes::start(&arguments.eyes, &handle)?;
     #[cfg(feature = "window")]
     if !arguments.headless.headless {
         let look = arguments.look;
@@ -55,12 +57,10 @@ fn run_session(
         bail!("this program was built without its window (feature window); --headless works without one");
     }
     drop(remote);
-    let is_idle = arguments.headless.save_frame.is_none()
-        && arguments.recording.record.is_none()
-        && !arguments.remote.is_there();
-    if is_idle {
+    let has_output = arguments.headless.save_frame.is_some() || arguments.recording.record.is_some();
+    if !has_output && !arguments.remote.is_there() && !arguments.eyes.is_there() {
         eprintln!(
-            "keeping a session open until Ctrl-C; --save-frame, --record and --wiimote give it something to do"
+            "keeping a session open until Ctrl-C; --save-frame, --record, --wiimote and --eyes give it something to do"
         );
     }
     let watch = FrameCounter::new(&handle, &recorder);

@@ -4,6 +4,7 @@
 //! with its path. [`ServerMessage::parse`] does the same for a server's messages. Lengths are in
 //! mm, angles in degrees, times in ns of the sender's own clock.
 
+mod eyes;
 mod hello;
 mod pose;
 mod server;
@@ -15,6 +16,7 @@ use serde_json::{Map, Value};
 
 use crate::interaction::Intent;
 
+pub use eyes::Eyes;
 pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
 pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RawReport, RemotePose};
 pub use server::{
@@ -39,6 +41,8 @@ pub enum ClientMessage {
     Intent(IntentMessage),
     /// Settings of the view.
     Settings(Box<Settings>),
+    /// Where the eyes of a viewer are; passed on to every client of the view.
+    Eyes(Eyes),
     /// A frame was shown, or is not going to be: the next may come.
     Ack(Ack),
 }
@@ -130,7 +134,7 @@ fn written(kind: &str, message: &impl Serialize) -> String {
 
 impl ClientMessage {
     /// The types of messages that a client sends.
-    pub const TYPES: [&str; 6] = ["hello", "pose", "report", "intent", "settings", "ack"];
+    pub const TYPES: [&str; 7] = ["hello", "pose", "report", "intent", "settings", "eyes", "ack"];
 
     /// Reads a message.
     ///
@@ -154,6 +158,10 @@ impl ClientMessage {
                 Ok(Self::Intent(IntentMessage { seq, t_ns, intent }))
             }
             "settings" => read(message).map(|settings| Self::Settings(Box::new(settings))),
+            "eyes" => {
+                let eyes: Eyes = read(message)?;
+                eyes.validate().map(|()| Self::Eyes(eyes))
+            }
             "ack" => read(message).map(Self::Ack),
             _ => {
                 let shown: String = kind.chars().take(40).collect();
@@ -179,6 +187,7 @@ impl ClientMessage {
                 written("intent", &object)
             }
             Self::Settings(settings) => written("settings", settings),
+            Self::Eyes(eyes) => written("eyes", eyes),
             Self::Ack(ack) => written("ack", ack),
         }
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::hello::{ColorFormats, Role};
-use super::{MessageError, object, read, refused, written};
+use super::{Eyes, MessageError, object, read, refused, written};
 use crate::format::DepthFormat;
 use crate::interaction::ViewRecord;
 use relief_tracking::TrackingState;
@@ -22,6 +22,8 @@ pub enum ServerMessage {
     Tracking(TrackingMessage),
     /// How many look at the view.
     Peers(Peers),
+    /// Where the eyes of a viewer are, as a client of the view sent them.
+    Eyes(Eyes),
     /// Annotations of the volume, or the label of the next `place`, changed.
     Annotations(AnnotationsMessage),
 }
@@ -161,6 +163,7 @@ impl ServerMessage {
             "error" => read(message).map(Self::Error),
             "tracking" => read(message).map(Self::Tracking),
             "peers" => read(message).map(Self::Peers),
+            "eyes" => read(message).map(Self::Eyes),
             "annotations" => read(message).map(Self::Annotations),
             _ => {
                 let shown: String = kind.chars().take(40).collect();
@@ -178,6 +181,7 @@ impl ServerMessage {
             Self::Error(error) => written("error", error),
             Self::Tracking(tracking) => written("tracking", tracking),
             Self::Peers(peers) => written("peers", peers),
+            Self::Eyes(eyes) => written("eyes", eyes),
             Self::Annotations(annotations) => written("annotations", annotations),
         }
     }

@@ -216,6 +216,11 @@ impl Connected {
             ClientMessage::Hello(_) => {
                 Err(Problem::new(StatusCode::CONFLICT, "hello-again", "this session is open already"))
             }
+            // They change no view: the box of a display may watch.
+            ClientMessage::Eyes(eyes) => {
+                self.session.view.eyes.send_replace(Some(*eyes));
+                Ok(None)
+            }
             _ if is_watcher => {
                 let detail = "watchers presentation; say hello as presenter to move the view or to change it";
                 Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
@@ -302,6 +307,7 @@ impl Connected {
         let (mut frames, mut failures) = (view.frames.subscribe(), view.failures.subscribe());
         let mut peers = view.peers.subscribe();
         let mut edits = self.parts.annotations.as_ref().map(|annotations| annotations.listen());
+        let mut eyes = view.eyes.subscribe();
         peers.mark_changed();
         frames.mark_changed();
         let mut ping = tokio::time::interval(self.parts.live.config.ping);
@@ -319,6 +325,13 @@ impl Connected {
                 _ = peers.changed() => {
                     let message = ServerMessage::Peers(*peers.borrow_and_update());
                     writer.send(text(&message.to_text())).await
+                }
+                _ = eyes.changed() => {
+                    let newest = *eyes.borrow_and_update();
+                    match newest {
+                        Some(eyes) => writer.send(text(&ServerMessage::Eyes(eyes).to_text())).await,
+                        None => Ok(()),
+                    }
                 }
                 heard = heard(&mut edits) => match self.event_message(heard) {
                     Some(message) => writer.send(text(&message)).await,

@@ -26,7 +26,7 @@ use crate::Drawables;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{Method, ShownSets, Snap};
 use relief_base::ViewDepth;
-use relief_live::{DisplayedPicture, Intent, IntentEffect, Peers, Role, ViewRecord, ViewState};
+use relief_live::{DisplayedPicture, Eyes, Intent, IntentEffect, Peers, Role, ViewRecord, ViewState};
 use relief_volume::Camera;
 
 /// A view and its channels to viewers.
@@ -44,6 +44,8 @@ pub struct View {
     pub failures: watch::Sender<Option<Arc<LiveError>>>,
     /// Numbers of viewers.
     pub peers: watch::Sender<Peers>,
+    /// Where the eyes of a viewer are, as a client sent them last.
+    pub eyes: watch::Sender<Option<Eyes>>,
     /// True once the volume was removed.
     pub ended: watch::Sender<bool>,
 }
@@ -126,6 +128,7 @@ impl View {
             frames: watch::Sender::new(None),
             failures: watch::Sender::new(None),
             peers: watch::Sender::new(Peers { presenters: 0, watchers: 0 }),
+            eyes: watch::Sender::new(None),
             ended: watch::Sender::new(false),
         }
     }

@@ -3,7 +3,8 @@
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
 // has no size of its own). With output (see outputs.js) the page makes views for other displays:
-// views, span, eye, inches, lens, subpixels, swap, and layers (1 or 2). comfort has the limits of parallax (see comfort.js).
+// views, span, eye, inches, lens, subpixels, swap, distance, and layers (1 or 2). Views follow the
+// eyes that a client of the view sends. comfort has the limits of parallax (see comfort.js).
 
 import { onControls } from "./controls.js";
 import { comfortOf, comfortProblems, comfortWords, drawHistogram, outsideWords, parallaxOf } from "./comfort.js";
@@ -28,6 +29,10 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 let tracking = "";
 let remote = "";
+/** The newest frame, from which views for other eyes are made. */
+let last = null;
+/** Where the viewer's eyes are, and the time from there to the picture, ms. */
+let viewer = null;
 /** Disparity of the frame on the display, as it came. */
 let lastDepth = null;
 /** The frame that was tested: its layout and size. */
@@ -72,6 +77,27 @@ function frameOf(header, layers) {
   return frame;
 }
 
+/** Shows the newest frame for other eyes, at the next refresh of the screen. */
+function follow(eyes) {
+  if (!synthesis?.follow(eyes)) return;
+  const isWaiting = viewer?.isWaiting;
+  viewer = { ...viewer, eyes, since: isWaiting ? viewer.since : performance.now(), isWaiting: true };
+  if (isWaiting) return;
+  requestAnimationFrame(() => {
+    if (last) panel.show(frameOf(last.header, last.layers));
+    viewer = { ...viewer, isWaiting: false, shownMs: performance.now() - viewer.since, count: (viewer.count ?? 0) + 1 };
+    document.documentElement.dataset.eyes = viewer.count;
+  });
+}
+
+/** What is known of the viewer. */
+function viewerWords() {
+  if (!viewer?.shownMs) return "";
+  const [left, right] = [viewer.eyes.left_mm, viewer.eyes.right_mm];
+  const [x, y, z] = left.map((mm, i) => (mm + right[i]) / 2);
+  return `${z.toFixed(0)} mm away, ${x.toFixed(0)} mm to the right, ${y.toFixed(0)} mm up; shown ${viewer.shownMs.toFixed(1)} ms after they came`;
+}
+
 /** The layout that the server sends: with a back layer or without one where this page makes views. */
 function layoutToAsk() {
   if (!synthesis) return parameters.get("layout") ?? "wowvx";
@@ -92,6 +118,7 @@ const session = new Session(helloOf(), {
     panel.show(frameOf(header, layers));
     shown = header;
     lastDepth = layers[0].depth;
+    last = { header, layers };
     arrivals.push(performance.now());
     while (arrivals.length > 30) arrivals.shift();
     // Screen readers would read text on the frame with each change.
@@ -104,6 +131,7 @@ const session = new Session(helloOf(), {
   heard(message) {
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
     if (message.type === "state") view = { ...view, state: message.state };
+    if (message.type === "eyes") follow(message);
     if (message.type === "tracking") tracking = message.state;
     if (message.type === "error") refused(message.problem.detail ?? message.problem.title);
     if (tracking) document.documentElement.dataset.tracking = tracking;
@@ -188,6 +216,7 @@ function fillFacts() {
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
+    Eyes: viewerWords(),
     Parallax: comfort ? comfortWords(comfort) : "",
     Preset: view?.state?.preset ?? "",
   };

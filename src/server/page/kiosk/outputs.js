@@ -52,6 +52,7 @@ export function outputOf(parameters) {
   const [span] = numbersOf(parameters, "span", [views > 2 ? 2 : 1], ([n]) => n >= 0 && n <= 16, "0 to 16 eye separations");
   const [eye] = numbersOf(parameters, "eye", [0], ([n]) => Math.abs(n) <= 16, "-16 to 16 eye separations from the middle");
   const [inches] = numbersOf(parameters, "inches", [0], ([n]) => n > 1 && n < 1000, "1 to 1000");
+  const [distance] = numbersOf(parameters, "distance", [0], ([mm]) => mm >= 50 && mm <= 20000, "50 to 20000 mm");
   const lens = numbersOf(parameters, "lens", [5, 0.333, 0], ([pitch]) => pitch > 0, "pixels from lens to lens, slant, centre");
   for (const [key, allowed] of [["subpixels", ["rgb", "bgr"]], ["layers", ["1", "2"]]]) {
     const found = parameters.get(key) ?? allowed[0];
@@ -59,11 +60,24 @@ export function outputOf(parameters) {
   }
   if (parameters.has("layout")) throw new Error("layout is set; allowed: nothing beside output, which chooses the layout itself");
   const isBgr = parameters.get("subpixels") === "bgr";
-  return { name, ...output, views, grid: GRIDS[Math.max(2, views)], span, eye, inches, lens, isBgr, isSwapped: parameters.has("swap") };
+  return { name, ...output, views, grid: GRIDS[Math.max(2, views)], span, eye, inches, distance, lens, isBgr, isSwapped: parameters.has("swap") };
 }
 
-/** The places of the eyes, from left to right and even, in eye separations. */
-export function eyesOf({ views, span, eye }) {
+const EYE_SEPARATION_MM = 65;
+
+/**
+ * The places of tracked eyes, in eye separations: those from which a viewer at the usual distance sees the same. Points near
+ * the screen move against it in proportion to the way of the eye, and inversely to its distance.
+ */
+export function trackedEyes({ views, distance }, { left_mm: left, right_mm: right }) {
+  const seen = ([x, , z]) => (x / EYE_SEPARATION_MM) * (distance / z);
+  if (views > 2) return null; // a display of several views is seen from several places
+  return views === 1 ? [(seen(left) + seen(right)) / 2] : [seen(left), seen(right)];
+}
+
+/** The places of the eyes, from left to right and even, in eye separations; those of the tracked viewer where `tracked` is set. */
+export function eyesOf({ views, span, eye, tracked }) {
+  if (tracked) return tracked;
   const last = Math.max(1, views - 1);
   return Array.from({ length: views }, (_, i) => eye + ((2 * i - (views - 1)) / (2 * last)) * span);
 }

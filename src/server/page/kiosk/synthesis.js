@@ -4,13 +4,15 @@
 // numbers of 1/4096 pixel to the right.
 
 import { PROFILES } from "./layouts.js";
-import { eyesOf } from "./outputs.js";
+import { eyesOf, trackedEyes } from "./outputs.js";
 import { BLOCK_PX, FLATS, FRAGMENT, SPANS, VERTEX } from "./view-shader.js";
 
 const UNIT = 4096;
 const EYE_SEPARATION_MM = 65;
 const USUAL_FACTOR = 64;
 const MM_PER_INCH = 25.4;
+/** Farthest place of an eye that is followed, in eye separations. */
+const MOST_EYES = 16;
 /** Texture units, in this order. */
 const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts", "frontSpans", "backSpans", "flats"];
 
@@ -45,6 +47,8 @@ export class Synthesis {
     if (!known) throw new Error(`profile is ${profile}; allowed: ${Object.keys(PROFILES).join(", ")}`);
     const screenWidthMm = output.inches ? (output.inches * MM_PER_INCH * 16) / Math.hypot(16, 9) : known.screenWidthMm;
     this.display = { ...known, screenWidthMm };
+    // Displays are seen from twice their width where the address has no distance: 1.86 m for 42 inches.
+    this.output.distance ||= 2 * screenWidthMm;
     this.canvas = new OffscreenCanvas(1, 1);
     const gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL2, which outputs of views need; without output= the page shows 2D plus depth");
@@ -110,6 +114,13 @@ export class Synthesis {
     this.#reach = Math.ceil(all.reduce((most, shift) => Math.max(most, Math.abs(shift)), 0) / UNIT);
     this.#fill("shifts", [256, tables.length], [gl.R32I, gl.RED_INTEGER, gl.INT], all);
     this.#shifts = key;
+  }
+
+  /** Makes views for the eyes of this viewer from now on. Whether the output follows a viewer. */
+  follow(eyes) {
+    const tracked = trackedEyes(this.output, eyes);
+    if (tracked) this.output.tracked = tracked.map((eye) => Math.max(-MOST_EYES, Math.min(MOST_EYES, eye)));
+    return Boolean(tracked);
   }
 
   /** Frees the graphics context: a browser has few. */
