@@ -117,7 +117,7 @@ fn send(handle: &Handle, message: ClientMessage) -> Option<u64> {
             let report = relief_tracking::InputReport::decode(&report.bytes().ok()?).ok()?;
             handle.report(now, &report)
         }
-        ClientMessage::Eyes(eyes) => handle.eyes(*eyes).then_some(0),
+        ClientMessage::Eyes(eyes) => handle.eyes(eyes).then_some(0),
         ClientMessage::Hello(_) | ClientMessage::Ack(_) => Some(0),
     }
 }

@@ -149,7 +149,7 @@ pub struct Peers {
 
 impl ServerMessage {
     /// The types of messages that the server sends.
-    pub const TYPES: [&str; 6] = ["welcome", "state", "error", "tracking", "peers", "annotations"];
+    pub const TYPES: [&str; 7] = ["welcome", "state", "error", "tracking", "peers", "eyes", "annotations"];
 
     /// Reads a message.
     ///
