@@ -8,7 +8,7 @@ use anyhow::bail;
 
 use crate::adapter::AdapterArguments;
 use crate::capacity::{self, CapacityArguments};
-use crate::output::{print_json, say};
+use crate::output::{milliseconds, print_json, say};
 use crate::scene::SceneArguments;
 use crate::source::{SeriesArguments, SeriesOptions};
 use relief_render::{
@@ -264,10 +264,6 @@ const COUNTED_FRAMES: u32 = 20;
 
 /// Transfer functions and clip planes that are tried.
 const CHANGES: u32 = 5;
-
-fn milliseconds(since: Instant) -> f64 {
-    since.elapsed().as_secs_f64() * 1e3
-}
 
 fn print(report: &BenchReport) {
     let BenchReport { size_px: [width, height], frames, .. } = report;

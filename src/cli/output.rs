@@ -19,6 +19,11 @@ pub(super) fn report(error: &anyhow::Error) -> String {
     lines.join("\n  because: ")
 }
 
+/// Time since then, ms.
+pub(super) fn milliseconds(since: std::time::Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
 /// Writes a file so that it appears whole or not at all.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     relief_base::write_whole(path, bytes).with_context(|| format!("cannot write {}", path.display()))

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use crate::inspect::frame::read_bounded;
 use crate::output::{print_json, say, write_whole};
 use relief_display::{
-    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, Views, decode_wiggle, encode_views, read_png,
+    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, VIEW_SPANS, Views, decode_wiggle, encode_views, read_png,
     synthesize,
 };
 
@@ -73,8 +73,8 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
     if layout.view_count() == 0 {
         bail!("--layout {layout} is no layout of views; allowed: views-N, stereo, anaglyph and wiggle");
     }
-    if let Some(span) = arguments.view_span.filter(|span| !(0.0..=16.0).contains(span)) {
-        bail!("--view-span is {span}, allowed: 0 to 16 eye separations");
+    if let Some(span) = arguments.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
+        bail!("--view-span is {span}, allowed: 0 to 18 eye separations");
     }
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
     let (views, factor_and_offset) =

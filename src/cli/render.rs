@@ -69,6 +69,9 @@ pub(super) struct RenderArguments {
     /// Which views a layout of views has
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
     views: views::ViewChoice,
+    /// How many views are rendered with --views interpolated: a fifth of them where left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    key_views: Option<u16>,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -120,6 +123,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         annotations,
         set,
         views: choice,
+        key_views,
         json,
     } = arguments;
     // Arguments are checked before the long work.
@@ -142,7 +146,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     } else if choice != views::ViewChoice::Synthesised {
         bail!("--views is for .png files");
     }
-    views::check(choice, &scene)?;
+    views::check(choice, key_views, &scene)?;
     if let Some(ms) = scene.budget_ms {
         scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
@@ -153,7 +157,14 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
     }
     let made = match choice {
         views::ViewChoice::Synthesised => None,
-        _ => Some(views::make(choice, &scene, &frame, &mut renderer, &loaded.volume, render)?),
+        _ => Some(views::make(
+            (choice, key_views.map(usize::from)),
+            &scene,
+            &frame,
+            &mut renderer,
+            &loaded.volume,
+            render,
+        )?),
     };
     let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {

@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::labels;
 use crate::memory::available_bytes;
+use crate::output::milliseconds;
 use relief_dicom::{Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
 
 use relief_volume::{Grid, LabelMap};
@@ -139,10 +140,6 @@ pub(super) fn load_entry(entry: &SeriesEntry, strictness: Strictness) -> anyhow:
 pub(super) fn limits() -> LoadLimits {
     let usual = LoadLimits::default().voxel_bytes;
     LoadLimits { voxel_bytes: available_bytes().map_or(usual, |available| usual.min(available)) }
-}
-
-fn milliseconds(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
 }
 
 /// Shows warnings on stderr.

@@ -1,10 +1,15 @@
 //! `relief render --views`: views rendered by cameras side by side, beside those that a display
 //! makes of one picture.
 
+use std::time::Instant;
+
 use anyhow::{Context, bail};
 
+use crate::output::milliseconds;
 use relief_base::DepthLimits;
-use relief_display::{FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, psnr_db};
+use relief_display::{
+    FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, interpolate, psnr_db,
+};
 use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
 use relief_volume::{Camera, Volume};
 
@@ -16,6 +21,8 @@ pub(super) enum ViewChoice {
     Synthesised,
     /// Rendered, each by a camera of its own
     True,
+    /// Every few views rendered, those between made of their two neighbours: nearly true, and faster
+    Interpolated,
     /// The rendered ones above the synthesised ones, with the signal-to-noise ratio of each
     Both,
 }
@@ -30,7 +37,10 @@ pub(super) struct ViewFile {
 }
 
 /// Refuses layouts without true views before rendering.
-pub(super) fn check(choice: ViewChoice, scene: &Scene) -> anyhow::Result<()> {
+pub(super) fn check(choice: ViewChoice, keys: Option<u16>, scene: &Scene) -> anyhow::Result<()> {
+    if keys.is_some() && choice != ViewChoice::Interpolated {
+        bail!("--key-views is for --views interpolated");
+    }
     let (layout, mode) = (scene.display.layout, scene.request.mode);
     if choice == ViewChoice::Synthesised {
         return Ok(());
@@ -50,9 +60,54 @@ pub(super) fn check(choice: ViewChoice, scene: &Scene) -> anyhow::Result<()> {
     cameras(scene, &scene.request.camera, DepthLimits { near_mm: 1.0, far_mm: 2.0 }).map(|_| ())
 }
 
+/// Views between two rendered ones, where --key-views is left out.
+const USUAL_STEP: usize = 5;
+
+/// The numbers of the views that are rendered: even, with the first and the last.
+fn key_numbers(count: usize, keys: Option<usize>) -> Vec<usize> {
+    let keys = keys.unwrap_or(count.div_ceil(USUAL_STEP)).clamp(2.min(count), count);
+    let steps = (keys - 1).max(1);
+    (0..keys).map(|key| (2 * key * (count - 1) + steps) / (2 * steps)).collect()
+}
+
+/// Views of which only some are rendered.
+fn interpolated(
+    scene: &Scene,
+    middle: &RenderedFrame,
+    limits: DepthLimits,
+    cameras: Vec<Camera>,
+    keys: Option<usize>,
+    mut render: impl FnMut(Camera) -> anyhow::Result<RenderedFrame>,
+) -> anyhow::Result<ViewFile> {
+    let encoder = scene.display.encoder()?;
+    let eyes = encoder.eyes();
+    let numbers = key_numbers(eyes.len(), keys);
+    let mut cameras: Vec<Option<Camera>> = cameras.into_iter().map(Some).collect();
+    let (since, mut rendered) = (Instant::now(), Vec::new());
+    for &number in &numbers {
+        let Some(camera) = cameras[number].take() else { continue };
+        let other; // the picture in the middle is there already
+        let seen = if eyes[number] == 0.0 {
+            middle
+        } else {
+            other = render(camera)?;
+            &other
+        };
+        let picture = Picture::new(seen.size_px, &seen.color_rgba, &seen.depth_mm)?;
+        rendered.push(encoder.key_view(eyes[number], &picture, limits));
+    }
+    let size_px = scene.request.size_px;
+    let views = interpolate(size_px, &rendered, &encoder.parallax(size_px[0]), &eyes)?;
+    Ok(ViewFile {
+        file: encode_views(scene.display.layout, &views)?,
+        report: serde_json::json!({ "eyes": eyes, "rendered": numbers, "views_ms": milliseconds(since) }),
+        lines: vec![format!("{} views, {} of them rendered", eyes.len(), rendered.len())],
+    })
+}
+
 /// The file with these views of a picture that is rendered already.
 pub(super) fn make(
-    choice: ViewChoice,
+    (choice, keys): (ViewChoice, Option<usize>),
     scene: &Scene,
     frame: &RenderedFrame,
     renderer: &mut Renderer,
@@ -62,11 +117,17 @@ pub(super) fn make(
     let layout = scene.display.layout;
     let limits = frame.limits_for(&scene.display)?;
     let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
-    let mut pictures = Vec::new();
+    let mut seen_by =
+        |camera: Camera| render(renderer, volume, &RenderRequest { camera, ..scene.request.clone() });
+    if choice == ViewChoice::Interpolated {
+        return interpolated(scene, frame, limits, cameras, keys, seen_by);
+    }
+    let (since, mut pictures) = (Instant::now(), Vec::new());
     for camera in cameras {
-        let seen = render(renderer, volume, &RenderRequest { camera, ..scene.request.clone() })?;
+        let seen = seen_by(camera)?;
         pictures.push(seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect());
     }
+    let views_ms = milliseconds(since);
     let rendered = Views::new(frame.size_px, pictures)?;
     let synthesised = synthesised(&scene.display.encoder()?, frame, limits)?;
     let psnr: Vec<f64> =
@@ -83,6 +144,7 @@ pub(super) fn make(
         "converging_mm": setup.converging_mm,
         "baseline_mm": setup.baseline_mm,
         "parallax_difference_px": setup.difference_px,
+        "views_ms": views_ms,
         // JSON has no infinity: a view that is equal has none.
         "psnr_db": psnr.iter().map(|db| db.is_finite().then_some(*db)).collect::<Vec<_>>(),
         "psnr_mean_db": mean,

@@ -45,5 +45,8 @@ pub use layout::{
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use screen_plane::ScreenPlane;
-pub use settings::{DisplaySettings, ProfileSetting, SettingsError};
-pub use views::{MAX_VIEWS, Parallax, TrueViews, ViewGrid, Views, anaglyph, eyes, psnr_db, synthesize};
+pub use settings::{DisplaySettings, ProfileSetting, SettingsError, VIEW_SPANS};
+pub use views::{
+    KeyView, MAX_VIEWS, Parallax, TrueViews, ViewGrid, Views, anaglyph, eyes, interpolate, psnr_db,
+    synthesize,
+};

@@ -16,8 +16,9 @@ use crate::layout::table::Layout;
 use crate::screen_plane::{ScreenPlane, limits_around};
 use relief_base::{DepthLimits, ScaledDepth};
 
-/// Eye separations between the outermost views: none, or more than any display's cone has.
-const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=16.0;
+/// Eye separations between the outermost views: none, or as many as the cone of a display has, which is 17.9 for
+/// 17 degrees to each side at 1.9 m.
+pub const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=18.0;
 
 /// How a picture becomes a frame. Every key has a default; unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,7 +39,7 @@ pub struct DisplaySettings {
     /// offset-select bit.
     #[serde(deserialize_with = "byte")]
     pub offset: u8,
-    /// Eye separations between the outermost views of layouts of views, 0 to 16; `null` is 1 for
+    /// Eye separations between the outermost views of layouts of views, 0 to 18; `null` is 1 for
     /// two views and 2 for more.
     pub view_span: Option<f64>,
     /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.

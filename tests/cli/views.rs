@@ -186,7 +186,7 @@ fn layouts_without_a_preview_are_refused_with_the_reason() {
         |frame: &str, more: &[&str]| refusal(&[&["preview", frame, "--out", &out][..], more].concat());
     assert!(preview(&plain, &[]).contains("no disparity beside it"));
     assert!(preview(&plain, &["--layout", "color"]).contains("no layout of views"));
-    assert!(preview(&plain, &["--view-span", "99"]).contains("0 to 16 eye separations"));
+    assert!(preview(&plain, &["--view-span", "99"]).contains("0 to 18 eye separations"));
     assert!(preview(&path("none.png"), &[]).contains("cannot read"));
     // A frame whose header is gone is shown as plain 2D by displays.
     let frame = frame_file(folder.path(), &DisplaySettings::default());

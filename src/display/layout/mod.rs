@@ -19,7 +19,7 @@ use std::str::FromStr;
 use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
-use super::views::{self, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
+use super::views::{self, KeyView, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
 use crate::layout::error::LayoutError;
 use crate::layout::error::UnknownLayout;
 use crate::layout::table::Layout;
@@ -284,6 +284,14 @@ impl FrameEncoder {
         let back = behind.map(|back| DisparityLayer { color: back.color(), disparity: &disparity });
         let front = DisparityLayer { color: picture.color(), disparity: &self.disparity(picture, limits) };
         self.views_of(picture.size_px(), front, back)
+    }
+
+    /// A rendered picture as a view of its own, for [`crate::interpolate`]: colour and disparity, with the eye that it was
+    /// rendered for (eye separations to the right of the middle).
+    #[must_use]
+    pub fn key_view(&self, eye: f64, picture: &Picture<'_>, limits: DepthLimits) -> KeyView {
+        let color = picture.color().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        KeyView { eye, layer: DecodedLayer { color, disparity: self.disparity(picture, limits) } }
     }
 
     /// Packs a picture into a frame, its depth filtered and scaled between the limits; a miss

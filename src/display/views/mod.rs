@@ -2,7 +2,7 @@
 //! the display.
 //!
 //! The parallax of a disparity for an eye ([`Parallax`]), views by depth-image-based rendering
-//! ([`synthesize`]), their grids, anaglyphs, and their distance from true renders ([`psnr_db`]). No
+//! ([`synthesize`]), views between rendered ones ([`interpolate`]), their grids, anaglyphs, and their distance from true renders ([`psnr_db`]). No
 //! maker has published the renderer of a display; this is the displays' geometry with the usual way
 //! to fill holes.
 //!
@@ -11,6 +11,7 @@
 //! the picture, to the right.
 
 mod anaglyph;
+mod between;
 mod compare;
 mod grid;
 mod parallax;
@@ -20,6 +21,7 @@ use super::MAX_FRAME_SIDE_PX;
 use crate::layout::error::LayoutError;
 
 pub use anaglyph::anaglyph;
+pub use between::{KeyView, interpolate};
 pub use compare::psnr_db;
 pub use grid::{MAX_VIEWS, ViewGrid};
 pub use parallax::{Parallax, TrueViews};

@@ -24,9 +24,9 @@ use crate::layout::error::LayoutError;
 use relief_base::Disparity;
 
 /// A pixel's width.
-const UNIT: i32 = 4096;
+pub(super) const UNIT: i32 = 4096;
 /// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
-const SURFACE_STEP: u8 = 4;
+pub(super) const SURFACE_STEP: u8 = 4;
 
 /// The views of a picture and its disparity for these eyes, from left to right. The background
 /// layer fills holes.
@@ -72,11 +72,11 @@ fn view(
 }
 
 /// How far each disparity moves. Even numbers, so that the middle between two is a whole one.
-struct Shifts([i32; 256]);
+pub(super) struct Shifts([i32; 256]);
 
 impl Shifts {
     /// Nothing moves by more than the picture's width: it would be out of it.
-    fn new(parallax: &Parallax, eye: f64, width: usize) -> Self {
+    pub(super) fn new(parallax: &Parallax, eye: f64, width: usize) -> Self {
         let most = width as f64;
         Self(std::array::from_fn(|d| {
             let shift = parallax.shift_px(Disparity(d as f64), eye).clamp(-most, most);
@@ -87,13 +87,13 @@ impl Shifts {
 
 /// One line of a layer.
 #[derive(Clone, Copy)]
-struct Row<'a> {
-    color: &'a [[u8; 3]],
-    disparity: &'a [u8],
+pub(super) struct Row<'a> {
+    pub(super) color: &'a [[u8; 3]],
+    pub(super) disparity: &'a [u8],
 }
 
 impl<'a> Row<'a> {
-    fn of(layer: &'a DecodedLayer, y: usize, width: usize) -> Self {
+    pub(super) fn of(layer: &'a DecodedLayer, y: usize, width: usize) -> Self {
         Self { color: &layer.color[y * width..][..width], disparity: &layer.disparity[y * width..][..width] }
     }
 
@@ -119,7 +119,7 @@ impl<'a> Row<'a> {
 
 /// Where a pixel is in the view.
 #[derive(Clone, Copy)]
-struct Span {
+pub(super) struct Span {
     from: i32,
     to: i32,
     pixel: usize,
@@ -129,9 +129,9 @@ struct Span {
 /// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows
 /// none.
 #[derive(Clone, Copy)]
-struct LinePiece {
-    to: i32,
-    pixel: Option<usize>,
+pub(super) struct LinePiece {
+    pub(super) to: i32,
+    pub(super) pixel: Option<usize>,
 }
 
 /// Buffers of a line, reused from line to line.
@@ -180,7 +180,7 @@ fn rounded(sum: i32) -> u8 {
 }
 
 /// The pixels of a line where the view has them, by their left ends.
-fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
+pub(super) fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
     spans.clear();
     let shift = |i: usize| shifts.0[usize::from(row.disparity[i])];
     let joined = |i: usize, j: usize| {
@@ -199,7 +199,7 @@ fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
 }
 
 /// The visible parts of the spans within a line of `width` pixels: always the nearest span.
-fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
+pub(super) fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
     pieces.clear();
     active.clear();
     let end = width as i32 * UNIT;
