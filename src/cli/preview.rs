@@ -8,8 +8,8 @@ use anyhow::{Context, bail};
 use crate::inspect::frame::read_bounded;
 use crate::output::{print_json, say, write_whole};
 use relief_display::{
-    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, VIEW_SPANS, Views, decode_wiggle, encode_views, read_png,
-    synthesize,
+    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, VIEW_SPANS, Views, decode_wiggle,
+    encode_views, read_png, synthesize,
 };
 
 /// Assumed settings of the display where a header leaves factor or offset to it.

@@ -212,7 +212,7 @@ mod tests {
         let (left, eye, right) = (scene(0.0), eye_at(2.0), scene(eye_at(6.0)));
         let truth = scene(eye).layer.color;
         let found = interpolate(SIZE, &[left.clone(), right], &parallax(), &[eye]).unwrap();
-        let single = interpolate(SIZE, &[left.clone()], &parallax(), &[eye]).unwrap();
+        let single = interpolate(SIZE, std::slice::from_ref(&left), &parallax(), &[eye]).unwrap();
         let wrong =
             |picture: &[[u8; 3]]| picture[8..88].iter().zip(&truth[8..88]).filter(|(a, b)| a != b).count();
         let moved = left.layer.color[8..88].iter().zip(&truth[8..88]).filter(|(a, b)| a != b).count();
