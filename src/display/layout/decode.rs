@@ -1,7 +1,7 @@
 //! Strict decoding of frames to picture and depth. An error names every deviation from a frame that
 //! an encoder could have written.
 
-use super::{Frame, FrameContent, Layout, Pixels, Placement};
+use super::{DecodedLayer, Frame, FrameContent, Layout, Pixels, Placement};
 use crate::header::{Header, HeaderReading};
 use crate::problem::FrameProblem;
 use crate::views::Views;
@@ -22,15 +22,6 @@ pub struct DecodedFrame {
     pub back: Option<DecodedLayer>,
     /// The views, for layouts of them: `color` is empty then, `size_px` that of each.
     pub views: Option<Views>,
-}
-
-/// A second picture in a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DecodedLayer {
-    /// Red, green, blue of every pixel.
-    pub color: Vec<[u8; 3]>,
-    /// D of every pixel, 255 nearest.
-    pub disparity: Vec<u8>,
 }
 
 /// The depth that was in a frame.

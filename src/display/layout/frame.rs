@@ -136,3 +136,12 @@ pub(super) fn pixel_count(what: &'static str, size_px: [u32; 2]) -> Result<usize
     }
     Ok(width as usize * height as usize)
 }
+
+/// One picture of a decoded frame, with its disparity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DecodedLayer {
+    /// Red, green, blue of every pixel.
+    pub color: Vec<[u8; 3]>,
+    /// D of every pixel, 255 nearest.
+    pub disparity: Vec<u8>,
+}

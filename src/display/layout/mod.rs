@@ -25,9 +25,9 @@ use crate::layout::error::UnknownLayout;
 use crate::layout::table::Layout;
 use relief_base::DepthLimits;
 
-pub use decode::{DecodedDepth, DecodedFrame, DecodedLayer};
+pub use decode::{DecodedDepth, DecodedFrame};
 pub(super) use decode::{depth_problems, odd_and_even_lines};
-pub use frame::{DisparityLayer, Frame, Picture, Pixels};
+pub use frame::{DecodedLayer, DisparityLayer, Frame, Picture, Pixels};
 pub use table::{BackStart, FrameContent, LayoutInfo, Placement};
 
 /// Default eye separations between the outermost views: of a pair of eyes, and of the cone of views

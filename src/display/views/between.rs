@@ -7,8 +7,9 @@
 
 use rayon::prelude::*;
 
+use super::parallax::Parallax;
+use super::pictures::{Views, check_size};
 use super::warp::{LinePiece, Row, SURFACE_STEP, Shifts, Span, UNIT, cut, place, synthesize};
-use super::{Parallax, Views, check_size};
 use crate::layout::DecodedLayer;
 use crate::layout::error::LayoutError;
 

@@ -18,7 +18,8 @@
 
 use rayon::prelude::*;
 
-use super::{Parallax, Views, check_size};
+use super::parallax::Parallax;
+use super::pictures::{Views, check_size};
 use crate::layout::DecodedLayer;
 use crate::layout::error::LayoutError;
 use relief_base::Disparity;
