@@ -17,6 +17,7 @@ mod choices;
 mod client;
 mod convert;
 mod doctor;
+mod eye;
 mod golden;
 mod inspect;
 mod isolation;
@@ -24,10 +25,12 @@ mod labels;
 mod light;
 mod memory;
 mod output;
+mod panel;
 mod phantom;
 mod plot;
 mod presets;
 mod preview;
+mod quilt;
 mod render;
 mod scene;
 mod serve;
@@ -118,7 +121,7 @@ pub fn main() -> ExitCode {
     let outcome = match arguments.command {
         Command::Phantom(arguments) => phantom::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
-        Command::Render(arguments) => render::run(arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Preview(arguments) => preview::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Presets(arguments) => presets::run(&arguments),

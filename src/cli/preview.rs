@@ -5,8 +5,11 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 
+use crate::choices::layouts;
 use crate::inspect::frame::read_bounded;
 use crate::output::{print_json, say, write_whole};
+use crate::panel::panel_for;
+use crate::quilt;
 use relief_display::{
     DisplayProfile, FrameReport, Layout, Parallax, ProfileName, VIEW_SPANS, Views, decode_wiggle,
     encode_views, read_png, synthesize,
@@ -27,15 +30,14 @@ const USUAL_OFFSET: u8 = 128;
 Examples:
   relief preview frame.png --layout wiggle --out wiggle.png
   relief preview frame.png --layout views-9x1 --factor 128 --out strip.png
+  relief preview frame.png --layout lenses-9 --panel panel.json --out interlaced.png
   relief preview quilt.png --layout anaglyph --out anaglyph.png")]
 pub(super) struct PreviewArguments {
     /// The frame (PNG)
     #[arg(value_name = "FRAME.png")]
     frame: PathBuf,
-    /// What becomes of it: views-N, views-COLUMNSxROWS, stereo, anaglyph, or wiggle, an animated
-    /// PNG
-    #[arg(long, value_name = "NAME", default_value = "wiggle")]
-    layout: Layout,
+    #[arg(long, value_name = "NAME", help = format!("{} [default: wiggle, or the quilt that the name of --out says]", layouts("What becomes of it", |layout| layout.view_count() > 0)))]
+    layout: Option<Layout>,
     /// Where the picture goes: .png
     #[arg(long, value_name = "FILE", value_parser = parse_png)]
     out: PathBuf,
@@ -52,6 +54,10 @@ pub(super) struct PreviewArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES")]
     view_span: Option<f64>,
+    /// The panel that views are interlaced for with lenses-N: a JSON file of pitch_px, slant, center,
+    /// subpixels and is_reversed, or the calibration of a Looking Glass
+    #[arg(long, value_name = "FILE.json")]
+    panel: Option<PathBuf>,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -69,17 +75,24 @@ fn parse_profile(name: &str) -> Result<ProfileName, String> {
 }
 
 pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
-    let PreviewArguments { frame: path, layout, out, .. } = arguments;
+    let PreviewArguments { frame: path, out, .. } = arguments;
+    let layout = &quilt::layout_of(out, arguments.layout)?.unwrap_or(Layout::Wiggle);
     if layout.view_count() == 0 {
-        bail!("--layout {layout} is no layout of views; allowed: views-N, stereo, anaglyph and wiggle");
+        bail!(
+            "--layout {layout} is no layout of views; {}",
+            layouts("allowed", |layout| layout.view_count() > 0)
+        );
     }
     if let Some(span) = arguments.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
         bail!("--view-span is {span}, allowed: 0 to 18 eye separations");
     }
+    let panel =
+        arguments.panel.as_deref().map(|path| panel_for(*layout, path)).transpose()?.unwrap_or_default();
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
     let (views, factor_and_offset) =
-        views(arguments, &file).with_context(|| format!("cannot preview {}", path.display()))?;
-    write_whole(out, &encode_views(*layout, &views)?)?;
+        views(arguments, *layout, &file).with_context(|| format!("cannot preview {}", path.display()))?;
+    quilt::check_aspect(out, views.size_px())?;
+    write_whole(out, &encode_views(*layout, &views, &panel)?)?;
     let [width, height] = views.size_px();
     if arguments.json {
         let [factor, offset] = factor_and_offset.map_or([None; 2], |values| values.map(Some));
@@ -89,6 +102,9 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
         }))?;
     } else {
         say!("{}: {} views of {width}x{height}, layout {layout}", out.display(), views.pictures().len());
+        if let Some(hint) = quilt::hint(out, *layout, views.size_px()) {
+            say!("{hint}");
+        }
         if let Some([factor, offset]) = factor_and_offset {
             say!("factor {factor} ({:.0} %), offset {offset}", f64::from(factor) / 0.64);
         }
@@ -97,10 +113,14 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
 }
 
 /// The views, and factor and offset where they were made of disparity.
-fn views(arguments: &PreviewArguments, file: &[u8]) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
+fn views(
+    arguments: &PreviewArguments,
+    layout: Layout,
+    file: &[u8],
+) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
     let (frame, report) = read_png(file)?;
     if report.layout == Layout::Wiggle {
-        return Ok((as_many(decode_wiggle(file)?, arguments.layout)?, None));
+        return Ok((as_many(decode_wiggle(file)?, layout)?, None));
     }
     let decoded = report.layout.decode(&frame).map_err(|problems| {
         let list: Vec<String> =
@@ -108,7 +128,7 @@ fn views(arguments: &PreviewArguments, file: &[u8]) -> anyhow::Result<(Views, Op
         anyhow::anyhow!("the frame is no whole {} frame: {}", report.layout, list.join("; "))
     })?;
     if let Some(views) = decoded.views {
-        return Ok((as_many(views, arguments.layout)?, None));
+        return Ok((as_many(views, layout)?, None));
     }
     let size_px = decoded.size_px;
     let Some((front, back)) = decoded.into_layers() else {
@@ -122,8 +142,8 @@ fn views(arguments: &PreviewArguments, file: &[u8]) -> anyhow::Result<(Views, Op
         if report.layout == Layout::Wowvx4k { ProfileName::Dimenco4k } else { ProfileName::Philips42 };
     let profile = DisplayProfile::named(arguments.profile.unwrap_or(usual));
     let parallax = Parallax::new(&profile, values[0], values[1], size_px[0]);
-    arguments.layout.check_size(size_px)?;
-    let eyes = arguments.layout.eyes(arguments.view_span);
+    layout.check_size(size_px)?;
+    let eyes = layout.eyes(arguments.view_span);
     Ok((synthesize(size_px, &front, back.as_ref(), &parallax, &eyes)?, Some(values)))
 }
 
@@ -142,7 +162,7 @@ fn as_many(views: Views, layout: Layout) -> anyhow::Result<Views> {
     match (layout, views.pictures()) {
         (Layout::Wiggle, _) => Ok(views),
         _ if layout.view_count() == found => Ok(views),
-        (Layout::Stereo | Layout::Anaglyph, [left, .., right]) => {
+        (_, [left, .., right]) if layout.view_count() == 2 => {
             Ok(Views::new(views.size_px(), vec![left.clone(), right.clone()])?)
         }
         _ => bail!(

@@ -10,13 +10,17 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::adapter::AdapterArguments;
 use crate::annotated::draw_annotations;
+use crate::eye::{EyeArguments, ViewingEye};
 use crate::output::{print_json, say, write_whole};
+use crate::quilt;
 use crate::scene::SceneArguments;
 use crate::source::SeriesArguments;
 use crate::views;
 use relief_annotation::ShownSets;
+use relief_display::Layout;
 use relief_render::{
-    Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, Subject,
+    Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile,
+    Subject,
 };
 use relief_session::encode;
 use relief_session::{FileFormat, Product, SpeedBook};
@@ -39,6 +43,8 @@ Examples:
   relief render --series head --mode path-traced --passes 256 --layout color --out light.png
   relief render --series chest --preset skin --budget-ms 100 --layout color --out quick.png
   relief render --series head --preset bone --layout wiggle --out wiggle.png
+  relief render --series head --preset bone --size 420x560 --out head_qs5x9a0.75.png
+  relief render --series head --preset bone --layout lenses-9 --panel panel.json --size 3840x2160 --out panel.png
   relief render --series head --preset bone --layout views-9 --views both --out compared.png
   relief render --series head --annotations head.db --set anna --layout color --out placed.png
   relief render --series chest --scene scene.json --out frame.png --depth-out depth.exr")]
@@ -47,6 +53,8 @@ pub(super) struct RenderArguments {
     series: SeriesArguments,
     #[command(flatten)]
     scene: SceneArguments,
+    #[command(flatten)]
+    eye: EyeArguments,
     #[command(flatten)]
     adapter: AdapterArguments,
     /// Where the picture goes: .png, .jpg or .exr
@@ -112,53 +120,70 @@ fn parse_output(text: &str, formats: &[(&str, FileFormat)]) -> Result<Output, St
     }
 }
 
-pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
-    let RenderArguments {
-        series,
-        scene,
-        adapter,
-        out,
-        depth_out,
-        budget_ms,
-        annotations,
-        set,
-        views: choice,
-        key_views,
-        json,
-    } = arguments;
-    // Arguments are checked before the long work.
-    let mut scene_file = scene.read()?;
-    if let Some(ms) = budget_ms {
-        scene_file = scene_file.with_budget_ms(ms);
+impl RenderArguments {
+    /// The scene that the arguments describe, checked before the long work.
+    fn scene_file(&self) -> anyhow::Result<SceneFile> {
+        let mut file = self.scene.read()?;
+        if let Some(ms) = self.budget_ms {
+            file = file.with_budget_ms(ms);
+        }
+        if self.annotations.is_some() && (file.annotations().is_nothing() || !self.set.is_empty()) {
+            let shown = ShownSets::of_names(self.set.iter().map(String::as_str)).map_err(anyhow::Error::msg);
+            file = file.with_annotations(if self.set.is_empty() { ShownSets::All } else { shown? });
+        }
+        if self.out.format == FileFormat::Png {
+            let mut display = file.display().clone();
+            let of_file = Some(display.layout).filter(|layout| *layout != Layout::default());
+            let layout = quilt::layout_of(&self.out.path, self.scene.layout().or(of_file))?;
+            display.layout = layout.unwrap_or(display.layout);
+            file = file.with_display(display);
+        }
+        Ok(file)
     }
-    if annotations.is_some() && (scene_file.annotations().is_nothing() || !set.is_empty()) {
-        let shown = ShownSets::of_names(set.iter().map(String::as_str)).map_err(anyhow::Error::msg);
-        scene_file = scene_file.with_annotations(if set.is_empty() { ShownSets::All } else { shown? });
+
+    /// Refuses scenes that the output or the views contradict, before rendering.
+    fn check(&self, scene: &Scene) -> anyhow::Result<()> {
+        if self.out.format == FileFormat::Png {
+            scene.expect_size_of_layout()?;
+            quilt::check_aspect(&self.out.path, scene.request.size_px)?;
+        } else if self.views != views::ViewChoice::Synthesised {
+            bail!("--views is for .png files");
+        }
+        views::check(self.views, self.key_views, scene)
     }
-    check_outputs(&out, depth_out.as_ref())?;
+}
+
+pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
+    let scene_file = arguments.scene_file()?;
+    let RenderArguments { series, adapter, out, depth_out, views: choice, key_views, json, .. } = arguments;
+    check_outputs(out, depth_out.as_ref())?;
+    let eye = arguments.eye.read()?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let labels = series.load_labels(loaded.volume.grid())?;
     let subject = Subject::of(&loaded.volume, labels.as_ref());
-    let mut scene = scene_file.resolve_for(&subject, &scene.orbit())?;
-    draw_annotations(annotations.as_deref(), &loaded, &mut scene)?;
-    if out.format == FileFormat::Png {
-        scene.expect_size_of_layout()?;
-    } else if choice != views::ViewChoice::Synthesised {
-        bail!("--views is for .png files");
+    let mut scene = scene_file.resolve_for(&subject, &arguments.scene.orbit())?;
+    draw_annotations(arguments.annotations.as_deref(), &loaded, &mut scene)?;
+    arguments.check(&scene)?;
+    if eye.is_some() {
+        ViewingEye::check(&scene)?;
     }
-    views::check(choice, key_views, &scene)?;
     if let Some(ms) = scene.budget_ms {
         scene.request = within_budget(&mut renderer, &loaded.volume, &scene.request, ms)?;
     }
-    let frame = render(&mut renderer, &loaded.volume, &scene.request)?;
+    let mut frame = render(&mut renderer, &loaded.volume, &scene.request)?;
+    if let Some(eye) = &eye {
+        scene = eye.scene(&scene, &frame)?;
+        frame = render(&mut renderer, &loaded.volume, &scene.request)?;
+    }
     let range_hu = loaded.volume.range_hu();
     if let Some(warning) = PictureWarning::of(&frame, &scene.display, &scene.request, &subject, range_hu) {
         eprintln!("warning: {warning}");
     }
+    let has_views = out.format == FileFormat::Png && scene.display.layout.view_count() > 0;
     let made = match choice {
-        views::ViewChoice::Synthesised => None,
+        views::ViewChoice::Synthesised if !has_views => None,
         _ => Some(views::make(
-            (choice, key_views.map(usize::from)),
+            (*choice, key_views.map(usize::from)),
             &scene,
             &frame,
             &mut renderer,
@@ -166,7 +191,7 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
             render,
         )?),
     };
-    let outputs = [Some((&out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
+    let outputs = [Some((out, Product::Frame)), depth_out.as_ref().map(|out| (out, Product::Depth))];
     for (output, product) in outputs.into_iter().flatten() {
         let bytes = match (&made, product) {
             (Some(made), Product::Frame) => made.file.clone(),
@@ -175,8 +200,8 @@ pub(super) fn run(arguments: RenderArguments) -> anyhow::Result<ExitCode> {
         write_whole(&output.path, &bytes)?;
     }
     let depth_out = depth_out.as_ref().map(|out| out.path.as_path());
-    let written = Written { out: &out.path, depth_out, views: made.as_ref() };
-    report(&renderer, &scene, &frame, &written, json)
+    let written = Written { out: &out.path, depth_out, views: made.as_ref(), eye: eye.as_ref() };
+    report(&renderer, &scene, &frame, &written, *json)
 }
 
 /// Renders as the mode wants it.
@@ -265,13 +290,14 @@ struct Written<'a> {
     out: &'a Path,
     depth_out: Option<&'a Path>,
     views: Option<&'a views::ViewFile>,
+    eye: Option<&'a ViewingEye>,
 }
 
 fn report(
     renderer: &Renderer,
     scene: &Scene,
     frame: &RenderedFrame,
-    &Written { out, depth_out, views }: &Written<'_>,
+    &Written { out, depth_out, views, eye }: &Written<'_>,
     json: bool,
 ) -> anyhow::Result<ExitCode> {
     let adapter = renderer.adapter();
@@ -304,6 +330,9 @@ fn report(
         if let Some(views) = views {
             made["views"] = views.report.clone();
         }
+        if let Some(eye) = eye {
+            made["eye"] = eye.report(scene);
+        }
         print_json(&made)?;
     } else {
         if let Some(line) = chosen(scene) {
@@ -320,6 +349,9 @@ fn report(
         }
         for line in views.into_iter().flat_map(|views| &views.lines) {
             say!("{line}");
+        }
+        if let Some(hint) = quilt::hint(out, scene.display.layout, frame.size_px) {
+            say!("{hint}");
         }
         if let Some(path) = depth_out {
             say!("{}: depth", path.display());

@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 
 use crate::choices::{depth_rules, framing_rules, layouts, qualities, table_rules};
 use crate::light::LightArguments;
+use crate::panel::panel_for;
 use crate::slice::{SliceArguments, parse_triple};
 use crate::transfer::TransferArguments;
 use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout, ScreenPlane};
@@ -72,6 +73,10 @@ pub(super) struct SceneArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
     view_span: Option<f64>,
+    /// The panel that layouts lenses-N are for: a JSON file of pitch_px, slant, center, subpixels and
+    /// is_reversed, or the calibration of a Looking Glass
+    #[arg(long, value_name = "FILE.json")]
+    panel: Option<PathBuf>,
     /// Filter for depth in frames: none, median-3, median-5, clear-edge
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
@@ -229,14 +234,14 @@ impl SceneArguments {
             scene = scene.with_light(self.scatterings, self.denoise.then_some(true));
         }
         scene = self.light.apply(scene);
-        scene = self.with_display_options(scene);
+        scene = self.with_display_options(scene)?;
         Ok(match self.size {
             Some(size) => scene.with_size(size),
             None => scene,
         })
     }
 
-    fn with_display_options(&self, mut scene: SceneFile) -> SceneFile {
+    fn with_display_options(&self, mut scene: SceneFile) -> anyhow::Result<SceneFile> {
         let mut display = scene.display().clone();
         if let Some(layout) = self.layout {
             display.layout = layout;
@@ -250,6 +255,9 @@ impl SceneArguments {
         }
         display.depth_filter = self.depth_filter.unwrap_or(display.depth_filter);
         display.view_span = self.view_span.or(display.view_span);
+        if let Some(path) = &self.panel {
+            display.panel = Some(panel_for(display.layout, path)?);
+        }
         match self.depth_range {
             None => {}
             Some(DepthRangeOption::Of(depth_range)) => {
@@ -262,7 +270,7 @@ impl SceneArguments {
         if let Some(point) = self.screen_plane {
             display.screen_plane = Some(ScreenPlane::PointMm(point));
         }
-        scene.with_display(display)
+        Ok(scene.with_display(display))
     }
 
     /// Refuses options of the view that a scene file with a camera contradicts.
@@ -276,6 +284,11 @@ impl SceneArguments {
             bail!("the scene file has a camera; leave --frame out");
         }
         self.orbit().validate().context("the view is out of range")
+    }
+
+    /// The layout that --layout names.
+    pub(super) const fn layout(&self) -> Option<Layout> {
+        self.layout
     }
 
     /// The view that applies when the scene file has no camera.

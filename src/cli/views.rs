@@ -46,7 +46,7 @@ pub(super) fn check(choice: ViewChoice, keys: Option<u16>, scene: &Scene) -> any
         return Ok(());
     }
     if layout.view_count() == 0 {
-        bail!("--views is for layouts of views: stereo, views-N, anaglyph and wiggle; this one is {layout}");
+        bail!("--views is for layouts of views, such as stereo, views-9 or wiggle; this one is {layout}");
     }
     if matches!(mode, Mode::Slice(_)) {
         bail!("a slice is flat and seen head-on: it has no true views; leave --views out");
@@ -99,7 +99,7 @@ fn interpolated(
     let size_px = scene.request.size_px;
     let views = interpolate(size_px, &rendered, &encoder.parallax(size_px[0]), &eyes)?;
     Ok(ViewFile {
-        file: encode_views(scene.display.layout, &views)?,
+        file: encode_views(scene.display.layout, &views, encoder.panel())?,
         report: serde_json::json!({ "eyes": eyes, "rendered": numbers, "views_ms": milliseconds(since) }),
         lines: vec![format!("{} views, {} of them rendered", eyes.len(), rendered.len())],
     })
@@ -114,8 +114,12 @@ pub(super) fn make(
     volume: &Volume,
     render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
 ) -> anyhow::Result<ViewFile> {
-    let layout = scene.display.layout;
+    let encoder = scene.display.encoder()?;
+    let layout = encoder.layout();
     let limits = frame.limits_for(&scene.display)?;
+    if choice == ViewChoice::Synthesised {
+        return from_one_picture(&encoder, frame, limits);
+    }
     let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
     let mut seen_by =
         |camera: Camera| render(renderer, volume, &RenderRequest { camera, ..scene.request.clone() });
@@ -129,12 +133,12 @@ pub(super) fn make(
     }
     let views_ms = milliseconds(since);
     let rendered = Views::new(frame.size_px, pictures)?;
-    let synthesised = synthesised(&scene.display.encoder()?, frame, limits)?;
+    let synthesised = synthesised(&encoder, frame, limits)?;
     let psnr: Vec<f64> =
         rendered.pictures().iter().zip(synthesised.pictures()).map(|(a, b)| psnr_db(a, b)).collect();
     let file = match choice {
-        ViewChoice::Both => both(layout, &rendered, &synthesised)?,
-        _ => encode_views(layout, &rendered)?,
+        ViewChoice::Both => both(&encoder, &rendered, &synthesised)?,
+        _ => encode_views(layout, &rendered, encoder.panel())?,
     };
     let finite: Vec<f64> = psnr.iter().copied().filter(|db| db.is_finite()).collect();
     let mean = (!finite.is_empty()).then(|| finite.iter().sum::<f64>() / finite.len() as f64);
@@ -161,6 +165,18 @@ pub(super) fn make(
         }),
     ];
     Ok(ViewFile { file, report, lines })
+}
+
+/// Views of one picture, as a display makes them.
+fn from_one_picture(
+    encoder: &FrameEncoder,
+    frame: &RenderedFrame,
+    limits: DepthLimits,
+) -> anyhow::Result<ViewFile> {
+    let since = Instant::now();
+    let views = synthesised(encoder, frame, limits)?;
+    let report = serde_json::json!({ "eyes": encoder.eyes(), "views_ms": milliseconds(since) });
+    Ok(ViewFile { file: encode_views(encoder.layout(), &views, encoder.panel())?, report, lines: Vec::new() })
 }
 
 fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimits) -> anyhow::Result<Views> {
@@ -197,15 +213,16 @@ fn both_layout(layout: Layout) -> Option<Layout> {
 }
 
 /// Rendered views above synthesised ones: each kind in a row from left to right, or in one picture.
-fn both(layout: Layout, rendered: &Views, synthesised: &Views) -> anyhow::Result<Vec<u8>> {
+fn both(encoder: &FrameEncoder, rendered: &Views, synthesised: &Views) -> anyhow::Result<Vec<u8>> {
     let ([width, height], [above, below]) =
         (rendered.size_px(), [rendered.pictures(), synthesised.pictures()]);
+    let (layout, panel) = (encoder.layout(), encoder.panel());
     if let Some(both) = both_layout(layout) {
         // Rows of quilts go upwards.
         let pictures = below.iter().chain(above).cloned().collect();
-        return Ok(encode_views(both, &Views::new([width, height], pictures)?)?);
+        return Ok(encode_views(both, &Views::new([width, height], pictures)?, panel)?);
     }
     let pairs = above.iter().zip(below);
     let pictures = pairs.map(|(above, below)| above.iter().chain(below).copied().collect()).collect();
-    Ok(encode_views(layout, &Views::new([width, 2 * height], pictures)?)?)
+    Ok(encode_views(layout, &Views::new([width, 2 * height], pictures)?, panel)?)
 }

@@ -1,14 +1,17 @@
 //! Composes the display's frame from a received frame, and checks its header.
 
 use super::link::Received;
-use relief_display::{DisplayProfile, Frame, Header, HeaderReading, Pixels};
-use relief_live::{ComposeError, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame};
+use relief_display::{DisplayProfile, Frame, Header, HeaderReading, Layout, Pixels};
+use relief_live::{
+    ComposeError, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame, ViewsOutput,
+};
 
 /// Composes frames of one session.
 #[derive(Clone, Debug)]
 pub struct Composer {
     curve: DisplayProfile,
     asked: Option<Header>,
+    views: Option<ViewsOutput>,
 }
 
 /// A frame of the display.
@@ -16,6 +19,8 @@ pub struct Composer {
 pub struct Composed {
     /// The header before its pictures.
     pub header: FrameHeader,
+    /// The layout of the frame.
+    pub layout: Layout,
     /// The frame for the display.
     pub frame: Frame,
     /// The defect of the header, read back from the pixels; `None` if it is correct or the layout
@@ -39,7 +44,13 @@ impl Composer {
     /// expected header of the display; without it, the header that the server sends counts.
     #[must_use]
     pub const fn new(curve: DisplayProfile, asked: Option<Header>) -> Self {
-        Self { curve, asked }
+        Self { curve, asked, views: None }
+    }
+
+    /// The same composer for a display that takes views: they are made here.
+    #[must_use]
+    pub const fn with_views(self, views: Option<ViewsOutput>) -> Self {
+        Self { views, ..self }
     }
 
     /// The frame of the display, its header row read back.
@@ -48,13 +59,15 @@ impl Composer {
     /// When the received frame is damaged, or has no layout for a display.
     pub fn compose(&self, received: &Received) -> Result<Composed, PictureError> {
         let picture = ReceivedFrame::decode(&received.bytes)?;
-        let frame = picture.compose(&self.curve)?;
         let header = picture.header;
-        let header_problem = match header.layout {
-            LiveLayout::Of(layout) if layout.has_header() => self.header_problem(&header, &frame),
-            _ => None,
-        };
-        Ok(Composed { header, frame, header_problem })
+        if let Some(output) = &self.views {
+            let frame = picture.compose_views(&self.curve, output)?;
+            return Ok(Composed { header, layout: output.layout, frame, header_problem: None });
+        }
+        let LiveLayout::Of(layout) = header.layout else { return Err(ComposeError::NoLayout.into()) };
+        let frame = picture.compose(&self.curve)?;
+        let header_problem = layout.has_header().then(|| self.header_problem(&header, &frame)).flatten();
+        Ok(Composed { header, layout, frame, header_problem })
     }
 
     fn header_problem(&self, header: &FrameHeader, frame: &Frame) -> Option<String> {

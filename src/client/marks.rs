@@ -43,7 +43,7 @@ impl Marks {
         let size_px = frame.size_px();
         let Pixels::Rgb8(mut samples) = frame.pixels().clone() else { return Ok(frame) };
         let width = size_px[0] as usize;
-        let PicturePlace { columns, rows, step } = PicturePlace::of(layout, size_px);
+        let PicturePlace { columns, rows, step, .. } = PicturePlace::of(layout, size_px);
         for (at, color) in self.colors().enumerate() {
             let left = MARGIN_PX + at * (MARK_PX + MARGIN_PX);
             let top = rows.saturating_sub(MARGIN_PX + MARK_PX).max(1); // row 0 has the header

@@ -21,6 +21,7 @@ use super::problem::FrameProblem;
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
 use crate::limits::MAX_FRAME_SIDE_PX;
+use crate::views::Arrangement;
 
 /// The most memory that decoding may take: an 8-bit RGB picture of 16384x16384 and some room.
 const MAX_DECODED_BYTES: u64 = 1 << 30;
@@ -164,16 +165,16 @@ pub fn inspect_frame(frame: &Frame) -> FrameReport {
 /// The views of a file by its text chunk; `None` where it has none.
 fn inspect_views(layout: Layout, pictures: u32, frame: &Frame) -> Option<FrameReport> {
     let frame_px = frame.size_px();
-    let (count, columns, rows) = match (layout, layout.view_grid()) {
-        (Layout::Wiggle, _) if pictures >= 2 => (pictures / 2 + 1, 1, 1),
-        (Layout::Anaglyph, _) => (2, 1, 1),
-        (_, Some(grid)) => (grid.count(), grid.columns(), grid.rows()),
-        _ => return None,
+    let (count, columns, rows) = match layout.arrangement()? {
+        Arrangement::Animation if pictures < 2 => return None,
+        Arrangement::Animation => (pictures / 2 + 1, 1, 1),
+        Arrangement::Tiles { grid, .. } => (grid.count(), grid.columns(), grid.rows()),
+        _ => (layout.view_count() as u32, 1, 1),
     };
     let [width, height] = frame_px;
     let mut report = FrameReport::empty(layout, frame_px);
     report.views = Some(ViewsReport { count, columns, rows, size_px: [width / columns, height / rows] });
-    if layout.view_grid().is_some() {
+    if matches!(layout.arrangement(), Some(Arrangement::Tiles { .. } | Arrangement::Turns(_))) {
         report.problems.extend(layout.decode(frame).err().unwrap_or_default());
     }
     Some(report)

@@ -14,6 +14,7 @@ use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileNa
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
 use crate::screen_plane::{ScreenPlane, limits_around};
+use crate::views::{LensPanel, PanelError};
 use relief_base::{DepthLimits, ScaledDepth};
 
 /// Eye separations between the outermost views: none, or as many as the cone of a display has, which is 17.9 for
@@ -42,6 +43,9 @@ pub struct DisplaySettings {
     /// Eye separations between the outermost views of layouts of views, 0 to 18; `null` is 1 for
     /// two views and 2 for more.
     pub view_span: Option<f64>,
+    /// The lenses of the panel that layouts `lenses-N` are for; `null` is a common panel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub panel: Option<LensPanel>,
     /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
     /// What the limits below follow where they are `null`.
@@ -92,6 +96,7 @@ impl Default for DisplaySettings {
             factor,
             offset,
             view_span: None,
+            panel: None,
             depth_filter: DepthFilter::default(),
             depth_range: DepthRange::default(),
             screen_plane: None,
@@ -119,6 +124,10 @@ impl DisplaySettings {
         if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
             let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
             return Err(refusal("display.view_span", &span, &allowed));
+        }
+        if let Some(Err(PanelError::Range { key, value, allowed })) = self.panel.map(|panel| panel.check()) {
+            let allowed = format!("{} to {}", allowed.start(), allowed.end());
+            return Err(refusal(panel_path(key), &value, &allowed));
         }
         self.encoder().map(|_| ())
     }
@@ -195,6 +204,7 @@ impl DisplaySettings {
         let encoder = FrameEncoder::new(self.layout, self.profile()?, self.header());
         encoder
             .map(|encoder| encoder.with_depth_filter(self.depth_filter).with_view_span(self.view_span))
+            .map(|encoder| encoder.with_panel(self.panel.unwrap_or_default()))
             .map_err(|error| match error {
                 LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
                     let value = format!("for frames of {w}x{h}");
@@ -248,6 +258,15 @@ fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, SettingsError> {
     DepthLimits::new(near, far).ok_or_else(|| {
         refusal("display.near_mm", &near, &format!("finite and below the far limit ({far} mm)"))
     })
+}
+
+/// The path of a panel's key in a request.
+fn panel_path(key: &str) -> &'static str {
+    match key {
+        "pitch_px" => "display.panel.pitch_px",
+        "slant" => "display.panel.slant",
+        _ => "display.panel.center",
+    }
 }
 
 fn refusal(path: &'static str, value: &dyn std::fmt::Display, allowed: &str) -> SettingsError {

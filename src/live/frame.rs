@@ -10,7 +10,7 @@ use super::format::{ColorFormat, DepthFormat, LiveLayout};
 use super::header::{FrameError, FrameHeader, HEADER_BYTES};
 use relief_base::ScaledDepth;
 use relief_display::{
-    DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError,
+    DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError, LensPanel,
     MAX_FRAME_SIDE_PX, ProfileError,
 };
 
@@ -45,6 +45,17 @@ pub struct ReceivedFrame {
     pub color: Vec<[u8; 3]>,
     /// Depth of every pixel, in the same rows.
     pub depth: ReceivedDepth,
+}
+
+/// The views that a client makes of a picture and its disparity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewsOutput {
+    /// How many, and their places in the frame.
+    pub layout: Layout,
+    /// The panel, for layouts of lenses.
+    pub panel: LensPanel,
+    /// Eye separations between the outermost views; `None` is the layout's default.
+    pub view_span: Option<f64>,
 }
 
 /// Depth as received.
@@ -171,6 +182,21 @@ impl ReceivedFrame {
         let LiveLayout::Of(layout) = self.header.layout else { return Err(ComposeError::NoLayout) };
         let full_px = self.header.full_px.map(u32::from);
         let encoder = FrameEncoder::new(layout, profile_of(layout, full_px)?, self.header.display_header()?)?;
+        self.pack(&encoder, curve)
+    }
+
+    /// The frame of a display that takes views: made here of the picture and its disparity, and of the
+    /// back layer if there is one. `curve` is the display whose parallax they have.
+    ///
+    /// # Errors
+    /// As [`ReceivedFrame::compose`]; also when `output` has no views, or is an animation.
+    pub fn compose_views(&self, curve: &DisplayProfile, output: &ViewsOutput) -> Result<Frame, ComposeError> {
+        let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
+        self.pack(&encoder.with_panel(output.panel).with_view_span(output.view_span), curve)
+    }
+
+    fn pack(&self, encoder: &FrameEncoder, curve: &DisplayProfile) -> Result<Frame, ComposeError> {
+        let (layout, full_px) = (encoder.layout(), self.header.full_px.map(u32::from));
         let disparity = match &self.depth {
             ReceivedDepth::Disparity(disparity) => disparity.clone(),
             ReceivedDepth::Scaled16(scaled) => scaled.iter().map(|z| disparity_of(*z, curve)).collect(),

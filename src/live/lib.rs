@@ -21,7 +21,7 @@ pub use describe::{layouts_script, protocol};
 pub use format::{ColorFormat, DepthFormat, LiveLayout};
 pub use frame::{
     ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,
-    assemble,
+    ViewsOutput, assemble,
 };
 pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
 pub use messages::{

@@ -87,7 +87,12 @@ impl RenderedFrame {
     /// When the pixel is outside the picture.
     #[must_use]
     pub fn pick(&self, pixel: [u32; 2]) -> Option<Point<Patient>> {
-        let depth = self.depth_at(pixel);
+        self.point_at(pixel, self.depth_at(pixel))
+    }
+
+    /// The patient position at this view depth behind a pixel (column, row); `None` without a depth.
+    #[must_use]
+    pub fn point_at(&self, pixel: [u32; 2], depth: ViewDepth) -> Option<Point<Patient>> {
         let [half_x, half_y] = self.camera.half_extent(self.size_px);
         let [shift_x, shift_y] = self.camera.lens_shift();
         let x = ((f64::from(pixel[0]) + 0.5) / f64::from(self.size_px[0]) * 2.0 - 1.0) * half_x + shift_x;

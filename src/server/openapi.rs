@@ -58,7 +58,8 @@ fn fill(value: &mut Value) {
     }
 }
 
-/// A regular expression of `views-N` and `views-COLUMNSxROWS` with 2 to [`MAX_VIEWS`] views.
+/// A regular expression of `views-N`, `views-COLUMNSxROWS` and `lenses-N` with 2 to [`MAX_VIEWS`]
+/// views.
 fn view_grids() -> String {
     let alternatives = |numbers: std::ops::RangeInclusive<u32>| -> String {
         numbers.map(|number| number.to_string()).collect::<Vec<_>>().join("|")
@@ -67,7 +68,8 @@ fn view_grids() -> String {
         let rows = if columns == 1 { 2 } else { 1 }..=MAX_VIEWS / columns;
         format!("|{columns}x({})", alternatives(rows))
     });
-    format!("^views-({}{})$", alternatives(2..=MAX_VIEWS), grids.collect::<String>())
+    let counts = alternatives(2..=MAX_VIEWS);
+    format!("^(views-({counts}{})|lenses-({counts}))$", grids.collect::<String>())
 }
 
 /// The names of a closed set.
@@ -129,8 +131,9 @@ mod tests {
         let pattern = document["components"]["parameters"]["layout"]["schema"]["anyOf"][1]["pattern"].clone();
         let pattern = regex::Regex::new(pattern.as_str().unwrap()).unwrap();
         for columns in 0..=130 {
-            let name = format!("views-{columns}");
-            assert_eq!(pattern.is_match(&name), name.parse::<Layout>().is_ok(), "{name}");
+            for name in [format!("views-{columns}"), format!("lenses-{columns}")] {
+                assert_eq!(pattern.is_match(&name), name.parse::<Layout>().is_ok(), "{name}");
+            }
             for rows in 0..=130 {
                 let name = format!("views-{columns}x{rows}");
                 assert_eq!(pattern.is_match(&name), name.parse::<Layout>().is_ok(), "{name}");

@@ -118,7 +118,7 @@ fn png(frame: &RenderedFrame, encoder: &FrameEncoder, limits: DepthLimits) -> Re
         picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
     }
     if encoder.layout().view_count() > 0 {
-        return Ok(encode_views(encoder.layout(), &encoder.views(&picture, limits)?)?);
+        return Ok(encode_views(encoder.layout(), &encoder.views(&picture, limits)?, encoder.panel())?);
     }
     Ok(encode_png(&encoder.encode(&picture, limits)?)?)
 }

@@ -178,6 +178,8 @@ def outputs(playwright, server):
         shot = pixels(page.locator("#frame").screenshot())
         different = int((shot != expected).any(axis=2).sum()) if shot.shape == expected.shape else -1
         found[name] = {"different": different, "problems": problems}
+        if name in ("stereo-half", "top-bottom", "top-bottom-half", "lines", "columns", "checkerboard"):
+            found[name]["served"] = int((served(name) != expected).any(axis=2).sum())
         page.close()
     # The layout with a back layer has the size of the display.
     two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo&depth_rule=two-layer"))
@@ -185,6 +187,9 @@ def outputs(playwright, server):
     wait_still(page)
     shot = pixels(page.locator("#frame").screenshot())
     found["layers"] = {"different": int((shot != two).any(axis=2).sum()) if shot.shape == two.shape else -1, "problems": problems}
+    before = int(page.evaluate(f"{ROOT}.frame"))
+    page.keyboard.press("ArrowRight")
+    wait_for(page, f"Number({ROOT}.frame) > {before} && {ROOT}.still === 'true'")
     page.keyboard.press("m")
     page.wait_for_selector("#menu[open]")
     found["facts"] = page.inner_text("#facts")

@@ -136,12 +136,23 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
         "layers",
     ];
     for name in names {
-        assert_eq!(outputs[name], serde_json::json!({ "different": 0, "problems": [] }), "{name}: {outputs}");
+        let output = &outputs[name];
+        assert_eq!(
+            (&output["different"], &output["problems"]),
+            (&0.into(), &serde_json::json!([])),
+            "{name}: {outputs}"
+        );
+        // Layouts of the server with the same name have the same pixels.
+        assert_eq!(output["served"].as_i64().unwrap_or(0), 0, "{name}: {outputs}");
     }
     // Which lens a subpixel at the edge of one belongs to is rounded in 32 bits.
     let lenses = outputs["lenses"]["different"].as_i64().unwrap();
     assert!((0..500).contains(&lenses), "{lenses} pixels of a panel with lenses differ");
     assert!(outputs["facts"].as_str().unwrap().contains("side by side, 1920 × 540"), "{outputs}");
+    let delay =
+        outputs["facts"].as_str().unwrap().split("a movement is shown ").nth(1).expect("the delay is stated");
+    let ms: f64 = delay.split(" ms").next().unwrap().parse().unwrap();
+    assert!(ms > 0.0, "{delay}");
     let monitor = &outputs["monitor"];
     assert!(monitor["address"].as_str().unwrap().contains("output=stereo"), "{monitor}");
     for what in ["flat", "deep", "swapped", "lenses"] {

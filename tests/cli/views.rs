@@ -104,6 +104,165 @@ fn true_views_stand_above_synthesised_ones_with_the_ratios_that_opencv_finds() {
     assert!(no_views.contains("--views is for layouts of views"), "{no_views}");
 }
 
+/// Views between rendered ones: the rendered ones are the true ones, the others nearly.
+#[test]
+fn interpolated_views_are_the_true_ones_at_the_keys_and_close_between_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let series = path("head");
+    assert!(relief(&["phantom", "--kind", "head", "--size", "64", "--out", &series]).status.success());
+    let render = |views: &[&str], out: &str| {
+        let scene = ["render", "--series", &series, "--preset", "bone", "--zoom", "1.5", "--size", "160x90"];
+        let layout = ["--layout", "views-9x1", "--view-span", "4", "--views"];
+        let made = json_of(&[&scene[..], &layout, views, &["--out", out, "--json"]].concat());
+        (made["views"].clone(), views_of(out))
+    };
+    let (_, exact) = render(&["true"], &path("true.png"));
+    let (_, synthesised) = render(&["synthesised"], &path("made.png"));
+    for (keys, numbers) in [("3", json!([0, 4, 8])), ("5", json!([0, 2, 4, 6, 8]))] {
+        let (report, views) = render(&["interpolated", "--key-views", keys], &path("between.png"));
+        assert_eq!(report["rendered"], numbers);
+        let mut means = [0.0; 2];
+        for (number, view) in views.iter().enumerate() {
+            let [between, made] =
+                [view, &synthesised[number]].map(|other| relief_display::psnr_db(&exact[number], other));
+            if numbers.as_array().unwrap().contains(&json!(number)) {
+                assert!(between.is_infinite(), "{keys}, {number}: {between} dB");
+                continue;
+            }
+            assert!(between > 30.0, "{keys}, {number}: {between} dB");
+            means = [means[0] + between, means[1] + made];
+        }
+        assert!(means[0] > means[1], "{keys}: {means:?} dB in all");
+    }
+    let no_keys = refusal(&[
+        "render",
+        "--series",
+        &series,
+        "--layout",
+        "stereo",
+        "--key-views",
+        "2",
+        "--out",
+        &path("a.png"),
+    ]);
+    assert!(no_keys.contains("--key-views is for --views interpolated"), "{no_keys}");
+}
+
+/// The picture of an eye is that of the camera that the report names; the camera is where the eye is, in the
+/// scale of the screen, and points in the plane of the screen stay where they are.
+#[test]
+fn an_eye_sees_the_volume_through_the_screen_as_through_a_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (series, out, geometry) = (path("head"), path("eye.png"), path("display.json"));
+    assert!(relief(&["phantom", "--kind", "head", "--size", "48", "--out", &series]).status.success());
+    std::fs::write(&geometry, r#"{"width_mm": 600}"#).unwrap();
+    let scene =
+        ["render", "--series", &series, "--preset", "bone", "--layout", "rgbd", "--size", "160x90", "--json"];
+    let of = |eye: &str| {
+        let eye = ["--eye-mm", eye, "--display-geometry", &geometry, "--out", &out];
+        json_of(&[&scene[..], &eye].concat())["eye"].clone()
+    };
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
+    };
+    let (middle, beside) = (of("0,0,1200"), of("-150,100,900"));
+    let seen = image::open(&out).unwrap().into_rgb8();
+    let ([a, b], shift) =
+        ([&middle, &beside].map(|eye| numbers(&eye["camera"]["eye_mm"])), &beside["camera"]["lens_shift"]);
+    // Seen from the front: x is the patient's left and the picture's right, z is up, y is away.
+    let moved: Vec<f64> = a.iter().zip(&b).map(|(a, b)| b - a).collect();
+    let scale = middle["screen_mm"].as_f64().unwrap() / 1200.0;
+    for (found, expected) in moved.iter().zip([-150.0 * scale, 300.0 * scale, 100.0 * scale]) {
+        assert!((found - expected).abs() < 1e-6, "{moved:?}, {scale} mm of the patient per mm");
+    }
+    for (found, expected) in numbers(shift).into_iter().zip([150.0 / 900.0, -100.0 / 900.0]) {
+        assert!((found - expected).abs() < 1e-9, "{shift}");
+    }
+    // The scene of that camera is the same picture: colour, and disparity between the same planes.
+    let written = path("scene.json");
+    let limits = json_of(
+        &[&scene[..], &["--eye-mm", "-150,100,900", "--display-geometry", &geometry, "--out", &out]].concat(),
+    );
+    let display = json!({ "layout": "rgbd", "near_mm": limits["near_mm"], "far_mm": limits["far_mm"] });
+    let scene_file =
+        json!({ "camera": beside["camera"], "transfer": "bone", "size_px": [160, 90], "display": display });
+    std::fs::write(&written, scene_file.to_string()).unwrap();
+    json_of(&["render", "--series", &series, "--scene", &written, "--out", &out, "--json"]);
+    assert_eq!(image::open(&out).unwrap().into_rgb8(), seen);
+    for (more, reason) in [
+        (["--eye-mm", "0,0,-5"], "the eye sees nothing through the screen"),
+        (["--fov-deg", "0"], "has no eye"),
+    ] {
+        let arguments = if more[0] == "--fov-deg" {
+            vec![more[0], more[1], "--eye-mm", "0,0,900"]
+        } else {
+            more.to_vec()
+        };
+        let refused = refusal(&[&scene[..], &arguments, &["--out", &out]].concat());
+        assert!(refused.contains(reason), "{refused}");
+    }
+}
+
+/// A panel's file and the name of a quilt, in render and in preview.
+#[test]
+fn panels_have_files_and_quilts_have_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (series, panel) = (path("head"), path("panel.json"));
+    assert!(relief(&["phantom", "--kind", "head", "--size", "48", "--out", &series]).status.success());
+    std::fs::write(&panel, r#"{"pitch_px": 4.5, "slant": 0.25, "center": 0.125, "subpixels": "bgr"}"#)
+        .unwrap();
+    let scene = ["render", "--series", &series, "--preset", "bone", "--size", "160x90", "--json"];
+    let render = |more: &[&str]| json_of(&[&scene[..], more].concat());
+    let refused = |more: &[&str]| refusal(&[&scene[..], more].concat());
+
+    // The views of a quilt under the lenses: the formula of the panel, third by third.
+    let (quilt, interlaced) = (path("head_qs3x3a1.778.png"), path("panel.png"));
+    render(&["--out", &quilt]);
+    let views = views_of(&quilt);
+    assert_eq!(views.len(), 9);
+    render(&["--layout", "lenses-9", "--panel", &panel, "--out", &interlaced]);
+    let found = image::open(&interlaced).unwrap().into_rgb8();
+    for (x, y, pixel) in found.enumerate_pixels() {
+        for channel in 0..3 {
+            let third = (2 - channel) as f64 + 0.5; // blue, green, red
+            let lenses = (f64::from(x) + third / 3.0 + f64::from(y) * 0.25) / 4.5 - 0.125;
+            let view = ((lenses - lenses.floor()) * 9.0) as usize;
+            assert_eq!(pixel[channel], views[view][(y * 160 + x) as usize][channel], "{x}, {y}, {channel}");
+        }
+    }
+    let described = String::from_utf8(relief(&["inspect", &panel]).stdout).unwrap();
+    assert!(
+        described.contains("output=lenses&lens=4.500000,0.250000,0.125000&subpixels=bgr\n"),
+        "{described}"
+    );
+    let previewed = path("previewed.png");
+    json_of(&["preview", &quilt, "--layout", "lenses-9", "--panel", &panel, "--out", &previewed, "--json"]);
+    assert_eq!(image::open(&previewed).unwrap().into_rgb8(), found);
+    let other = path("other_qs3x3a1.78.png");
+    assert_eq!(json_of(&["preview", &quilt, "--out", &other, "--json"])["layout"], "views-9");
+
+    let both = refused(&["--layout", "stereo", "--out", &quilt]);
+    assert!(
+        both.contains("the file's name says that it is a quilt of 3x3 views, --layout is stereo"),
+        "{both}"
+    );
+    let square = refused(&["--out", &path("head_qs3x3a1.png")]);
+    assert!(square.contains("aspect of 1, those of 160x90 end a name with _qs3x3a1.7778"), "{square}");
+    let flat = refused(&["--layout", "stereo", "--panel", &panel, "--out", &path("a.png")]);
+    assert!(flat.contains("--panel is for layouts lenses-N; this one is stereo"), "{flat}");
+    std::fs::write(&panel, r#"{"pitch_px": 0}"#).unwrap();
+    let thin = refused(&["--layout", "lenses-9", "--panel", &panel, "--out", &path("a.png")]);
+    assert!(
+        thin.contains("panel.json is no panel") && thin.contains("pitch_px is 0; allowed: 1 to 1000"),
+        "{thin}"
+    );
+    let named = relief(&["preview", &quilt, "--layout", "views-9", "--out", &path("plain.png")]);
+    assert!(String::from_utf8(named.stdout).unwrap().contains("plain_qs3x3a1.7778"));
+}
+
 /// A frame as any program may have written it: a ball before a wall.
 fn frame_file(folder: &Path, settings: &DisplaySettings) -> String {
     let [width, height] = [960, 540];

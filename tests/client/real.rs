@@ -137,9 +137,15 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
     let narrowest_aspect = listed["volumes"][0]["framing"]["narrowest_aspect"].as_f64().unwrap();
     let file = folder.path().join("frame.png");
     let out = file.to_str().unwrap();
-    for (layout, more) in
-        [("wowvx", &[][..]), ("rgbd", &["--size", "400x300"]), ("wowvx-full-height", &["--factor", "90"])]
-    {
+    for (layout, more) in [
+        ("wowvx", &[][..]),
+        ("rgbd", &["--size", "400x300"]),
+        ("wowvx-full-height", &["--factor", "90"]),
+        // The client makes views itself, the server sends picture and disparity.
+        ("stereo", &["--size", "400x300"]),
+        ("lines", &["--size", "400x300", "--factor", "90"]),
+        ("lenses-9", &["--size", "400x300"]),
+    ] {
         let arguments =
             ["--preset", "bone", "--look", "30,10,1.2", "--layout", layout, "--save-frame", out, "--json"];
         let output = client(&serving.url(), &[&arguments[..], more].concat());
@@ -154,6 +160,16 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));
         let composed = std::fs::read(&file).unwrap();
         assert!(pixels(&composed) == pixels(&served), "{layout}: composed and served frame differ");
+    }
+    for (arguments, reason) in [
+        (["--layout", "wowvx", "--layers", "2"], "are for layouts of views"),
+        (["--layout", "stereo", "--panel", "none.json"], "--panel is for layouts lenses-N"),
+        (["--layout", "stereo", "--view-span", "19"], "allowed: 0 to 18 eye separations"),
+        (["--layout", "wiggle", "--view-span", "1"], "layout wiggle is an animation"),
+    ] {
+        let refused = client(&serving.url(), &arguments);
+        let errors = text(&refused.stderr);
+        assert!(!refused.status.success() && errors.contains(reason), "{errors}");
     }
     let refused = client(&serving.url(), &["--preset", "bonne", "--save-frame", out]);
     let errors = text(&refused.stderr);

@@ -30,6 +30,10 @@ fn frames_of_a_film_decode_with_their_headers() {
         let report: serde_json::Value =
             serde_json::from_str(&ok(&relief(&[&convert[..], &options].concat()))).unwrap();
         assert_eq!((&report["frames"], &report["checked"]), (&8.into(), &true.into()), "{report}");
+        let inspected_film = ok(&relief(&["inspect", text(&out), "--ffmpeg", &ffmpeg, "--json"]));
+        let film: serde_json::Value = serde_json::from_str(&inspected_film).unwrap();
+        assert_eq!((&film["frames"], &film["layout"]), (&8.into(), &"wowvx".into()), "{film}");
+        assert_eq!((&film["bad"], &film["different"]), (&0.into(), &0.into()), "{film}");
         let decoded = folder.path().join(format!("{codec}-{name}.%02d.png"));
         let decode = ["-loglevel", "error", "-i", text(&out), text(&decoded)];
         assert!(Command::new(&ffmpeg).args(decode).status().unwrap().success());
@@ -39,6 +43,30 @@ fn frames_of_a_film_decode_with_their_headers() {
             assert_eq!(report["content"], "movie");
         }
     }
+}
+
+#[test]
+fn a_film_whose_codec_destroyed_the_headers_is_reported_frame_by_frame() {
+    let Some(ffmpeg) = ffmpeg() else {
+        eprintln!("SKIPPED: films with destroyed headers (there is no ffmpeg)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (film, out) = (plain_film(&ffmpeg, folder.path()), folder.path().join("out.mkv"));
+    let convert = ["convert", text(&film), "--estimate-depth", "--ffmpeg", &ffmpeg, "--out", text(&out)];
+    ok(&relief(&convert));
+    let lossy = folder.path().join("lossy.mp4");
+    let encode =
+        ["-loglevel", "error", "-i", text(&out), "-c:v", "mpeg4", "-q:v", "8", "-pix_fmt", "yuv420p"];
+    assert!(Command::new(&ffmpeg).args(encode).arg(&lossy).status().unwrap().success());
+    let inspected = relief(&["inspect", text(&lossy), "--ffmpeg", &ffmpeg]);
+    let report = String::from_utf8(inspected.stdout.clone()).unwrap();
+    assert_eq!(inspected.status.code(), Some(1), "{report}");
+    assert!(report.contains("problems  8 frames") && report.contains("frame 8: "), "{report}");
+    let cut = folder.path().join("cut.mkv");
+    std::fs::write(&cut, &std::fs::read(&out).unwrap()[..100]).unwrap();
+    let refused = relief(&["inspect", text(&cut), "--ffmpeg", &ffmpeg]);
+    assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("cannot inspect"));
 }
 
 #[test]

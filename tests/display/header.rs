@@ -230,6 +230,8 @@ fn any_header() -> impl Strategy<Value = Header> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
     #[test]
     fn every_header_comes_back(header in any_header()) {
         prop_assert_eq!(Header::from_bytes(&header.to_bytes()), Ok(header));

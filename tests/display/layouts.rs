@@ -263,10 +263,10 @@ fn names_of_layouts_come_back_and_others_list_what_there_is() {
     let error = "wowv".parse::<Layout>().unwrap_err().to_string();
     assert_eq!(
         error,
-        "no layout \"wowv\"; available: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, stereo, views-9, \
-         anaglyph, wiggle, color, depth16"
+        "no layout \"wowv\"; available: wowvx, wowvx-full-height, wowvx-4k, declipse, declipse-lines, rgbd, stereo, stereo-half, \
+         top-bottom, top-bottom-half, lines, columns, checkerboard, views-9, lenses-9, anaglyph, wiggle, color, depth16"
     );
-    assert!("x".repeat(1 << 20).parse::<Layout>().unwrap_err().to_string().len() < 200);
+    assert!("x".repeat(1 << 20).parse::<Layout>().unwrap_err().to_string().len() < 300);
 }
 
 proptest! {

@@ -5,8 +5,9 @@
 use proptest::prelude::*;
 use relief_base::{DepthLimits, Disparity};
 use relief_display::{
-    DecodedLayer, DisplayProfile, DisplaySettings, Frame, FrameProblem, Layout, LayoutError, Parallax,
-    Picture, Pixels, ProfileName, Views, decode_wiggle, encode_views, eyes, inspect_png, synthesize,
+    DecodedLayer, DisplayProfile, DisplaySettings, Frame, FrameProblem, Layout, LayoutError, LensPanel,
+    Parallax, Picture, Pixels, ProfileName, Views, decode_wiggle, encode_views, eyes, inspect_png,
+    synthesize,
 };
 
 const LIMITS: DepthLimits = DepthLimits { near_mm: 100.0, far_mm: 300.0 };
@@ -282,7 +283,7 @@ fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
     ] {
         let layout: Layout = name.parse().unwrap();
         let views = picture_views(layout, [7, 5]);
-        let file = encode_views(layout, &views).unwrap();
+        let file = encode_views(layout, &views, &LensPanel::default()).unwrap();
         let report = inspect_png(&file).unwrap();
         assert_eq!((report.layout, report.frame_px, report.problems.len()), (layout, frame_px, 0), "{name}");
         let reported = report.views.unwrap();
@@ -291,7 +292,7 @@ fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
             assert_eq!(decode_wiggle(&file).unwrap(), views);
             continue;
         }
-        let frame = layout.frame_of_views(&views).unwrap();
+        let frame = layout.frame_of_views(&views, &LensPanel::default()).unwrap();
         let decoded = layout.decode(&frame).unwrap();
         assert_eq!((decoded.size_px, decoded.views.as_ref(), decoded.color.len()), ([7, 5], Some(&views), 0));
         // The leftmost view is at the bottom left.
@@ -304,14 +305,87 @@ fn views_come_back_out_of_their_layout_and_their_file_says_what_it_is() {
     }
 }
 
+/// The pixel of a view that a frame of two views shows at (x, y), from the names of the layouts: view, and its
+/// place in a view of the whole size.
+fn shown(layout: &str, [w, h]: [usize; 2], [x, y]: [usize; 2]) -> (usize, [usize; 2]) {
+    match layout {
+        "stereo" => (x / w, [x % w, y]),
+        "top-bottom" => (y / h, [x, y % h]),
+        "lines" => (y % 2, [x, y]),
+        "columns" => (x % 2, [x, y]),
+        "checkerboard" => ((x + y) % 2, [x, y]),
+        "stereo-half" => (2 * x / w, [2 * x % w, y]),
+        _ => (2 * y / h, [x, 2 * y % h]),
+    }
+}
+
+/// Invariant: Every decoder of a layout returns the input of its encoder, or an error.
+#[test]
+fn pairs_of_views_lie_where_their_layout_says_at_every_size() {
+    let halves = [("stereo-half", [1, 0]), ("top-bottom-half", [0, 1])];
+    let whole = ["stereo", "top-bottom", "lines", "columns", "checkerboard"].map(|name| (name, [0, 0]));
+    let even = |name: &str| match name {
+        "stereo-half" | "columns" | "checkerboard" => [2, 1],
+        "top-bottom-half" | "lines" => [1, 2],
+        _ => [1, 1],
+    };
+    for (name, next) in halves.into_iter().chain(whole) {
+        let layout: Layout = name.parse().unwrap();
+        for size_px in (1..=9).flat_map(|w| (1..=8).map(move |h| [w, h])) {
+            let views = picture_views(layout, size_px);
+            let made = layout.frame_of_views(&views, &LensPanel::default());
+            if (0..2).any(|axis| size_px[axis] % even(name)[axis] != 0) {
+                assert!(matches!(made, Err(LayoutError::Odd { .. })), "{name} {size_px:?}");
+                continue;
+            }
+            let frame = made.unwrap();
+            let Pixels::Rgb8(samples) = frame.pixels() else { panic!("views are RGB") };
+            let size = size_px.map(|side| side as usize);
+            let at = |view: usize, [x, y]: [usize; 2]| views.pictures()[view][y * size[0] + x];
+            let width = frame.size_px()[0] as usize;
+            let mut expected = vec![Vec::new(); 2];
+            for (place, pixel) in samples.chunks(3).enumerate() {
+                let (view, from) = shown(name, size, [place % width, place / width]);
+                let other = at(view, [from[0] + next[0], from[1] + next[1]]);
+                let mean =
+                    [0, 1, 2].map(|i| (u16::from(at(view, from)[i]) + u16::from(other[i])).div_ceil(2) as u8);
+                assert_eq!(pixel, mean, "{name} {size_px:?} {place}");
+                expected[view].push(mean);
+            }
+            let decoded = layout.decode(&frame).unwrap().views.unwrap();
+            assert_eq!(decoded.pictures(), expected, "{name} {size_px:?}");
+            let report = inspect_png(&encode_views(layout, &views, &LensPanel::default()).unwrap()).unwrap();
+            assert_eq!((report.layout, report.views.unwrap().count, report.problems.len()), (layout, 2, 0));
+        }
+    }
+}
+
+/// Nine views of one colour each, under lenses over three pixels: a view to a third of a pixel, one lens after
+/// the other, a view farther right with each line of slant 1/3.
+#[test]
+fn thirds_of_pixels_under_lenses_belong_to_the_views_of_a_closed_form() {
+    let layout: Layout = "lenses-9".parse().unwrap();
+    let pictures = (1..=9).map(|view| vec![[10 * view; 3]; 12 * 4]).collect();
+    let views = Views::new([12, 4], pictures).unwrap();
+    let panel = LensPanel { pitch_px: 3.0, slant: 1.0 / 3.0 + 1e-9, center: -1e-9, ..LensPanel::default() };
+    let frame = layout.frame_of_views(&views, &panel).unwrap();
+    let Pixels::Rgb8(samples) = frame.pixels() else { panic!("views are RGB") };
+    for (at, sample) in samples.iter().enumerate() {
+        let (third, line) = (at % 36, at / 36);
+        assert_eq!(usize::from(*sample), 10 * ((third + line) % 9 + 1), "{at}");
+    }
+    let refused = layout.decode(&frame).unwrap_err();
+    assert_eq!(refused[0].code(), "inseparable");
+}
+
 /// Invariant: Every decoder of a layout returns the input of its encoder, or an error.
 #[test]
 fn an_anaglyph_says_that_it_cannot_be_taken_apart() {
     let views = picture_views(Layout::Anaglyph, [7, 5]);
-    let file = encode_views(Layout::Anaglyph, &views).unwrap();
+    let file = encode_views(Layout::Anaglyph, &views, &LensPanel::default()).unwrap();
     let report = inspect_png(&file).unwrap();
     assert_eq!((report.layout, report.views.unwrap().count, report.problems.len()), (Layout::Anaglyph, 2, 0));
-    let frame = Layout::Anaglyph.frame_of_views(&views).unwrap();
+    let frame = Layout::Anaglyph.frame_of_views(&views, &LensPanel::default()).unwrap();
     for layout in [Layout::Anaglyph, Layout::Wiggle] {
         let problems = layout.decode(&frame).unwrap_err();
         assert!(problems[0].to_string().contains("cannot be separated"), "{problems:?}");
@@ -321,7 +395,8 @@ fn an_anaglyph_says_that_it_cannot_be_taken_apart() {
 
 #[test]
 fn damaged_files_of_views_end_in_an_error_or_a_report() {
-    let file = encode_views(Layout::Wiggle, &picture_views(Layout::Wiggle, [7, 5])).unwrap();
+    let file =
+        encode_views(Layout::Wiggle, &picture_views(Layout::Wiggle, [7, 5]), &LensPanel::default()).unwrap();
     for at in 0..file.len() {
         for flip in [1, 0x80] {
             let mut damaged = file.clone();

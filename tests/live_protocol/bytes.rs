@@ -251,7 +251,7 @@ fn a_composed_frame_is_the_encoders_own_in_every_layout() {
         let curve = DisplayProfile::named(ProfileName::Philips20);
         assert!(received.compose(&curve).unwrap() == expected, "{layout}");
     }
-    for layout in [Layout::Depth16, Layout::Stereo, Layout::Anaglyph] {
+    for layout in [Layout::Depth16, Layout::Stereo, Layout::Lines, Layout::Anaglyph] {
         assert_eq!(LiveLayout::of(layout), LiveLayout::None);
     }
 }

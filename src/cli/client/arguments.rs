@@ -49,8 +49,10 @@ pub(crate) struct ClientArguments {
     /// layout when left out
     #[arg(long, value_name = "NAME", value_parser = profile_name)]
     pub(crate) profile: Option<ProfileName>,
-    #[arg(long, value_name = "NAME", help = layouts("Layout of the frame", is_streamed))]
+    #[arg(long, value_name = "NAME", help = layouts("Layout of the frame; the client makes views itself", is_shown))]
     pub(crate) layout: Option<Layout>,
+    #[command(flatten)]
+    pub(crate) views: ViewsArguments,
     /// Depth effect that the display's header asks for; 64 is 100 %
     #[arg(long, value_name = "0..255")]
     pub(crate) factor: Option<u8>,
@@ -166,8 +168,11 @@ Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Dow
 Examples:
   relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
   RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
+  relief client --server http://ct-server:8080 --fullscreen --layout lines --size 1920x1080
+  relief client --server http://ct-server:8080 --fullscreen --layout lenses-9 --panel panel.json --size 3840x2160
   relief client --server http://127.0.0.1:8080 --headless --role watcher --view theatre-1 --eyes opentrack
   relief client --server http://127.0.0.1:8080 --headless --look 30,10 --save-frame frame.png
+  relief client --server http://127.0.0.1:8080 --headless --size 420x560 --record session_qs5x9a0.75.mkv
   relief client --server http://127.0.0.1:8080 --headless --record session.mkv     until Ctrl-C
   relief client --server http://127.0.0.1:8080 --headless --measure 10 --json
   relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";
@@ -206,9 +211,32 @@ fn parse_look(text: &str) -> Result<OrbitPose, String> {
     }
 }
 
-/// Whether live sessions have this layout.
-fn is_streamed(layout: Layout) -> bool {
-    LiveLayout::of(layout) != LiveLayout::None
+/// Whether clients show this layout.
+fn is_shown(layout: Layout) -> bool {
+    LiveLayout::of(layout) != LiveLayout::None || layout.view_count() > 0 && layout != Layout::Wiggle
+}
+
+/// How views are made of the server's picture and depth.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ViewsArguments {
+    /// The panel that lenses-N is for: a JSON file of pitch_px, slant, center, subpixels and
+    /// is_reversed, or the calibration of a Looking Glass
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) panel: Option<PathBuf>,
+    /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
+    #[arg(long, value_name = "EYES")]
+    pub(crate) view_span: Option<f64>,
+    /// Layers that views are made of: 2 fills holes with what is behind, for twice the data
+    /// [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub(crate) layers: Option<u8>,
+}
+
+impl ViewsArguments {
+    /// Whether one of them is set.
+    pub(crate) fn is_given(&self) -> bool {
+        self.panel.is_some() || self.view_span.is_some() || self.layers.is_some()
+    }
 }
 
 /// The role of the client.

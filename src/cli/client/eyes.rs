@@ -1,11 +1,12 @@
 //! `relief client --eyes`: the eyes of the viewer, from a head tracker, sent to the view.
 
 use std::net::{SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
+use crate::eye::geometry;
 use relief_client::Handle;
 use relief_live::Eyes;
 use relief_tracking::{DisplayGeometry, HeadPose, OPENTRACK_BYTES};
@@ -14,8 +15,6 @@ use relief_tracking::{DisplayGeometry, HeadPose, OPENTRACK_BYTES};
 const OPENTRACK_PORT: u16 = 4242;
 /// How often the end of the program is looked for.
 const LOOK: Duration = Duration::from_millis(200);
-/// Largest file of a display's geometry, bytes.
-const MAX_GEOMETRY_BYTES: u64 = 64 << 10;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct EyesArguments {
@@ -48,10 +47,7 @@ fn source(text: &str) -> Result<SocketAddr, String> {
 /// Starts listening, on a thread that ends with the session.
 pub(crate) fn start(arguments: &EyesArguments, handle: &Handle) -> anyhow::Result<()> {
     let Some(address) = arguments.eyes else { return Ok(()) };
-    let geometry = match &arguments.display_geometry {
-        Some(path) => read_geometry(path).with_context(|| format!("cannot use {}", path.display()))?,
-        None => DisplayGeometry::default(),
-    };
+    let geometry = geometry(arguments.display_geometry.as_deref())?;
     let socket =
         UdpSocket::bind(address).with_context(|| format!("cannot listen for a head tracker at {address}"))?;
     socket.set_read_timeout(Some(LOOK))?;
@@ -80,13 +76,4 @@ fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle) {
             handle.eyes(eyes);
         }
     }
-}
-
-fn read_geometry(path: &Path) -> anyhow::Result<DisplayGeometry> {
-    if std::fs::metadata(path)?.len() > MAX_GEOMETRY_BYTES {
-        bail!("the file is larger than {MAX_GEOMETRY_BYTES} bytes");
-    }
-    let geometry: DisplayGeometry = serde_json::from_slice(&std::fs::read(path)?)?;
-    geometry.validate()?;
-    Ok(geometry)
 }

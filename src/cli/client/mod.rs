@@ -19,7 +19,7 @@ use crate::output::{print_json, say, write_whole};
 use crate::stop::stop_signal;
 use arguments::ClientArguments;
 use relief_client::{ClientError, Handle};
-use relief_display::encode_png;
+use relief_display::{Layout, encode_png};
 use session::Session;
 use watch::{FrameCounter, Recorder};
 
@@ -82,8 +82,9 @@ fn run_session(
     let still =
         outcome?.transpose().with_context(|| format!("no still frame within {} s", STILL.as_secs()))?;
     if let (Some(path), Some(still)) = (save, still) {
-        save_frame(path, &session.composer.compose(&still).context("the frame cannot be composed")?)?;
-        report_saved(arguments, path, &still)?;
+        let composed = session.composer.compose(&still).context("the frame cannot be composed")?;
+        save_frame(path, &composed)?;
+        report_saved(arguments, path, &still, composed.layout)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -112,6 +113,7 @@ fn report_saved(
     arguments: &ClientArguments,
     path: &std::path::Path,
     still: &relief_client::Received,
+    layout: Layout,
 ) -> anyhow::Result<()> {
     let header = &still.header;
     if arguments.json {
@@ -119,19 +121,13 @@ fn report_saved(
             "out": path,
             "full_px": header.full_px,
             "lossless": header.lossless(),
-            "layout": header.layout.name(),
+            "layout": layout,
             "near_mm": header.limits_mm[0],
             "far_mm": header.limits_mm[1],
             "bytes": still.bytes.len(),
         }));
     }
-    say!(
-        "Wrote {}: layout {} of {}x{}.",
-        path.display(),
-        header.layout.name(),
-        header.full_px[0],
-        header.full_px[1]
-    );
+    say!("Wrote {}: layout {} of {}x{}.", path.display(), layout, header.full_px[0], header.full_px[1]);
     Ok(())
 }
 

@@ -3,9 +3,11 @@
 use anyhow::bail;
 
 use crate::client::arguments::{ClientArguments, Part};
+use crate::panel::panel_for;
+use crate::quilt;
 use relief_client::{Access, Composer, Options};
-use relief_display::{DisplaySettings, Layout, ProfileName, ProfileSetting};
-use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings};
+use relief_display::{DisplaySettings, Layout, ProfileName, ProfileSetting, VIEW_SPANS};
+use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings, ViewsOutput};
 
 /// The session that the arguments describe.
 pub(crate) struct Session {
@@ -21,7 +23,8 @@ pub(crate) struct Session {
 impl Session {
     pub(crate) fn of(arguments: &ClientArguments) -> anyhow::Result<Self> {
         let usual = DisplaySettings::default();
-        let display = display_of(arguments)?;
+        let output = views_output(arguments)?;
+        let display = display_of(arguments, output.as_ref())?;
         let role = if arguments.role == Part::Watcher { Role::Watcher } else { Role::Presenter };
         let settings = Settings {
             display: (display != usual).then(|| display.clone()),
@@ -59,7 +62,7 @@ impl Session {
         let profile = display.profile()?;
         #[cfg(feature = "window")]
         let frame_px = profile.frame_px();
-        let composer = Composer::new(profile, asked);
+        let composer = Composer::new(profile, asked).with_views(output);
         let server = arguments.server.clone();
         let access = Access::new(&server, arguments.token.clone(), arguments.ca.as_deref())?;
         if arguments.token.is_some() && !server.is_encrypted() && !arguments.is_local() {
@@ -72,22 +75,53 @@ impl Session {
             options,
             composer,
             #[cfg(feature = "window")]
-            layout: display.layout,
+            layout: output.map_or(display.layout, |output| output.layout),
             #[cfg(feature = "window")]
             frame_px,
         })
     }
 }
 
+/// The views that the client makes itself, if its layout has views.
+fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutput>> {
+    let views = &arguments.views;
+    let mut layout = arguments.layout;
+    for file in [&arguments.headless.save_frame, &arguments.recording.record].into_iter().flatten() {
+        layout = quilt::layout_of(file, layout)?;
+        if let Some(size_px) = arguments.size {
+            quilt::check_aspect(file, size_px)?;
+        }
+    }
+    let Some(layout) = layout.filter(|layout| layout.view_count() > 0) else {
+        if views.is_given() {
+            bail!("--panel, --view-span and --layers are for layouts of views, such as stereo or views-9");
+        }
+        return Ok(None);
+    };
+    if layout == Layout::Wiggle {
+        bail!("layout wiggle is an animation of a still picture; relief render and relief preview write it");
+    }
+    let panel = views.panel.as_deref().map(|path| panel_for(layout, path)).transpose()?;
+    Ok(Some(ViewsOutput { layout, panel: panel.unwrap_or_default(), view_span: views.view_span }))
+}
+
+/// The layout in which the server sends what views are made of.
+fn streamed(layers: Option<u8>) -> Layout {
+    if layers == Some(2) { Layout::Declipse } else { Layout::Rgbd }
+}
+
 /// The display that the arguments name.
-fn display_of(arguments: &ClientArguments) -> anyhow::Result<DisplaySettings> {
+fn display_of(arguments: &ClientArguments, output: Option<&ViewsOutput>) -> anyhow::Result<DisplaySettings> {
     let usual = DisplaySettings::default();
     let of_profile = match arguments.profile {
         Some(ProfileName::Dimenco4k) => Layout::Wowvx4k,
         _ => usual.layout,
     };
     let display = DisplaySettings {
-        layout: arguments.layout.unwrap_or(of_profile),
+        layout: match output {
+            Some(_) => streamed(arguments.views.layers),
+            None => arguments.layout.unwrap_or(of_profile),
+        },
         profile: arguments.profile.map(ProfileSetting::Named),
         factor: arguments.factor.unwrap_or(usual.factor),
         offset: arguments.offset.unwrap_or(usual.offset),
@@ -95,6 +129,9 @@ fn display_of(arguments: &ClientArguments) -> anyhow::Result<DisplaySettings> {
         ..usual
     };
     display.validate()?;
+    if let Some(span) = output.and_then(|output| output.view_span).filter(|span| !VIEW_SPANS.contains(span)) {
+        bail!("--view-span is {span}, allowed: 0 to 18 eye separations");
+    }
     if LiveLayout::of(display.layout) == LiveLayout::None {
         bail!("layout {} is no picture with disparity; live sessions have the others", display.layout);
     }

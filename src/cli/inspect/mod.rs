@@ -1,6 +1,8 @@
-//! `relief inspect`: describes a series or a 2D-plus-depth frame, and reports errors.
+//! `relief inspect`: describes a series, a 2D-plus-depth frame, a film of frames or a panel, and reports errors.
 
+mod film;
 pub(crate) mod frame;
+mod panel;
 
 use std::fs::File;
 use std::io::Read;
@@ -15,11 +17,21 @@ use crate::{output, source};
 use relief_base::printable;
 use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 
-/// Describe a CT series or decode a 2D-plus-depth frame, and report errors
+/// Describe a CT series, or decode 2D-plus-depth frames, and report errors
+///
+/// A film is decoded by ffmpeg, and each of its frames is checked. A .json file is a panel with
+/// lenses, also the calibration of a Looking Glass.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  relief inspect chest
+  relief inspect frame.png --json
+  relief inspect session.mkv
+  relief inspect panel.json")]
 pub(super) struct InspectArguments {
-    /// CT series (folder, file, DICOMDIR or zip), or a 2D-plus-depth frame (PNG)
-    #[arg(value_name = "SERIES|FRAME.png")]
+    /// CT series (folder, file, DICOMDIR or zip), a 2D-plus-depth frame (PNG), a film of frames (.mkv,
+    /// .mp4 and others) or a panel (.json)
+    #[arg(value_name = "SERIES|FRAME.png|FILM|PANEL.json")]
     path: PathBuf,
     /// Print one JSON object
     #[arg(long)]
@@ -27,6 +39,9 @@ pub(super) struct InspectArguments {
     /// Fail on any defective file instead of leaving it out with a warning
     #[arg(long)]
     strict: bool,
+    /// The ffmpeg that decodes films
+    #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
+    ffmpeg: PathBuf,
 }
 
 #[derive(Debug, Serialize)]
@@ -55,6 +70,14 @@ struct SeriesReport {
 pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
     if is_png(&arguments.path) {
         return frame::run(&arguments.path, arguments.json);
+    }
+    if film::is_film(&arguments.path) {
+        return film::run(&arguments.path, &arguments.ffmpeg, arguments.json);
+    }
+    if arguments.path.is_file()
+        && arguments.path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+    {
+        return panel::run(&arguments.path, arguments.json);
     }
     let report = report(&arguments)?;
     if arguments.json {

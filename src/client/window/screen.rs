@@ -20,7 +20,7 @@ use crate::link::LinkState;
 use crate::marks::Marks;
 use crate::place::PicturePlace;
 use relief_display::{Frame, Layout, Pixels};
-use relief_live::{Intent, LiveLayout};
+use relief_live::Intent;
 
 type Pane = Surface<OwnedDisplayHandle, Rc<Window>>;
 
@@ -206,9 +206,7 @@ impl ApplicationHandler<SessionEvent> for App {
     fn user_event(&mut self, events: &ActiveEventLoop, wake: SessionEvent) {
         match wake {
             SessionEvent::Frame(connection, composed) => {
-                if let LiveLayout::Of(layout) = composed.header.layout {
-                    self.layout = layout;
-                }
+                self.layout = composed.layout;
                 let is_resized = self.frame.as_ref().map(Frame::size_px) != Some(composed.frame.size_px());
                 self.freshness.frame(connection);
                 self.unshown = Some((connection, composed.header.sequence));

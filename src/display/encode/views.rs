@@ -12,7 +12,7 @@ use super::EncodeError;
 use crate::layout::Pixels;
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
-use crate::views::Views;
+use crate::views::{LensPanel, Views};
 
 /// The keyword of the text chunk.
 pub(crate) const LAYOUT_KEYWORD: &str = "relief-layout";
@@ -23,15 +23,15 @@ const STEP_MS: u16 = 60;
 /// The most memory that decoding an animation may take beside its pictures.
 const MAX_DECODED_BYTES: usize = 1 << 28;
 
-/// A PNG of views in their layout, animated for `wiggle`.
+/// A PNG of views in their layout, animated for `wiggle`; `panel` is for layouts of lenses.
 ///
 /// # Errors
 /// When the views are not those of the layout, their frame is too large, or the encoder fails.
-pub fn encode_views(layout: Layout, views: &Views) -> Result<Vec<u8>, EncodeError> {
+pub fn encode_views(layout: Layout, views: &Views, panel: &LensPanel) -> Result<Vec<u8>, EncodeError> {
     if layout == Layout::Wiggle {
         return wiggle(views);
     }
-    let frame = layout.frame_of_views(views)?;
+    let frame = layout.frame_of_views(views, panel)?;
     let mut file = Vec::new();
     let mut writer = encoder(&mut file, frame.size_px(), layout)?.write_header()?;
     let Pixels::Rgb8(samples) = frame.pixels() else { return Err(LayoutError::Animation.into()) };
@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn a_wiggle_goes_to_and_fro_and_comes_back_as_its_views() {
         for count in [2, 3, 9] {
-            let file = encode_views(Layout::Wiggle, &views(count)).unwrap();
+            let file = encode_views(Layout::Wiggle, &views(count), &LensPanel::default()).unwrap();
             assert_eq!(decode_wiggle(&file).unwrap(), views(count));
             assert_eq!(written_layout(&file), Some((Layout::Wiggle, 2 * u32::from(count) - 2)));
             for cut in (0..file.len()).step_by(7) {
@@ -137,15 +137,18 @@ mod tests {
             }
         }
         let one = Views::new([5, 3], vec![vec![[0; 3]; 15]]).unwrap();
-        assert!(encode_views(Layout::Wiggle, &one).is_err());
+        assert!(encode_views(Layout::Wiggle, &one, &LensPanel::default()).is_err());
     }
 
     #[test]
     fn a_still_file_has_its_layout_written_into_it() {
         let layout = "views-3x1".parse().unwrap();
-        let file = encode_views(layout, &views(3)).unwrap();
+        let file = encode_views(layout, &views(3), &LensPanel::default()).unwrap();
         assert_eq!(written_layout(&file), Some((layout, 0)));
         assert!(matches!(decode_wiggle(&file), Err(EncodeError::NoWiggle)));
-        assert!(matches!(encode_views(layout, &views(4)), Err(EncodeError::Layout(_))));
+        assert!(matches!(
+            encode_views(layout, &views(4), &LensPanel::default()),
+            Err(EncodeError::Layout(_))
+        ));
     }
 }

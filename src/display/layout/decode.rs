@@ -4,7 +4,7 @@
 use super::{DecodedLayer, Frame, FrameContent, Layout, Pixels, Placement};
 use crate::header::{Header, HeaderReading};
 use crate::problem::FrameProblem;
-use crate::views::Views;
+use crate::views::{Arrangement, Views};
 
 /// The content of a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,8 +75,9 @@ impl Layout {
             (FrameContent::Picture, Pixels::Rgb8(samples)) => {
                 Ok(DecodedFrame { color: rgb_pixels(samples).collect(), ..DecodedFrame::empty(size_px) })
             }
-            (FrameContent::Views, Pixels::Rgb8(samples)) => {
-                decode_views(self, size_px, samples).map_err(|problem| vec![problem])
+            (FrameContent::Views(arrangement), Pixels::Rgb8(samples)) => {
+                decode_views(self.arrangement().unwrap_or(arrangement), size_px, samples)
+                    .map_err(|problem| vec![problem])
             }
             (FrameContent::Disparity(placement), Pixels::Rgb8(samples)) => {
                 decode_disparity(self, placement, size_px, samples)
@@ -119,30 +120,28 @@ fn decode_disparity(
     Ok(DecodedFrame { size_px, header, color: front.color, depth, back, views: None })
 }
 
-/// The views of a quilt.
-fn decode_views(layout: Layout, frame_px: [u32; 2], samples: &[u8]) -> Result<DecodedFrame, FrameProblem> {
-    let refused =
-        || FrameProblem::FrameSize { found_px: frame_px, expected: "a whole number of pixels for each view" };
-    let Some(grid) = layout.view_grid() else {
-        return Err(FrameProblem::Inseparable(match layout {
-            Layout::Anaglyph => "an anaglyph mixes both views in every pixel",
-            _ => "the views of a wiggle are the pictures of an animation",
-        }));
-    };
-    let [width, height] = frame_px;
-    if !width.is_multiple_of(grid.columns()) || !height.is_multiple_of(grid.rows()) {
-        return Err(refused());
+/// The views of a frame that keeps them apart.
+fn decode_views(
+    arrangement: Arrangement,
+    frame_px: [u32; 2],
+    samples: &[u8],
+) -> Result<DecodedFrame, FrameProblem> {
+    match arrangement {
+        Arrangement::RedCyan => {
+            return Err(FrameProblem::Inseparable("an anaglyph mixes both views in every pixel"));
+        }
+        Arrangement::Animation => {
+            return Err(FrameProblem::Inseparable("the views of a wiggle are the pictures of an animation"));
+        }
+        Arrangement::Lenses => {
+            return Err(FrameProblem::Inseparable("a panel with lenses has thirds of pixels of every view"));
+        }
+        Arrangement::Tiles { .. } | Arrangement::Turns(_) => {}
     }
-    let size_px = [width / grid.columns(), height / grid.rows()];
-    let line = 3 * size_px[0] as usize;
-    let pictures = (0..grid.count()).map(|view| {
-        let [column, row] = grid.place(view);
-        let lines = samples.chunks_exact(3 * width as usize);
-        let lines = lines.skip((row * size_px[1]) as usize).take(size_px[1] as usize);
-        lines.flat_map(|whole| rgb_pixels(&whole[column as usize * line..][..line])).collect()
-    });
-    let views = Views::new(size_px, pictures.collect()).map_err(|_| refused())?;
-    Ok(DecodedFrame { views: Some(views), ..DecodedFrame::empty(size_px) })
+    let expected = "a whole number of pixels for each view";
+    let views = arrangement.separate(frame_px, samples.as_chunks::<3>().0);
+    let views = views.ok_or(FrameProblem::FrameSize { found_px: frame_px, expected })?;
+    Ok(DecodedFrame { size_px: views.size_px(), views: Some(views), ..DecodedFrame::empty(frame_px) })
 }
 
 /// The picture in the left half of some lines and its disparity in the right one.

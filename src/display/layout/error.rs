@@ -1,6 +1,7 @@
 //! Why a layout does not fit.
 
 use crate::layout::table::Layout;
+
 /// A name that is no layout.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -86,6 +87,16 @@ pub enum LayoutError {
         layout: Layout,
         /// How many there are.
         found: usize,
+    },
+    /// Views that the layout halves, or that take turns, with an odd side.
+    #[error("layout {layout} needs an even {what}, found {}x{}", size_px[0], size_px[1])]
+    Odd {
+        /// The layout.
+        layout: Layout,
+        /// Width or height.
+        what: &'static str,
+        /// The size of a view.
+        size_px: [u32; 2],
     },
     /// An animation is no frame.
     #[error("layout wiggle is an animation: write its views to a file, not to a frame")]

@@ -19,7 +19,7 @@ use std::str::FromStr;
 use super::filter::DepthFilter;
 use super::header::{ExtendedPart, Header};
 use super::profile::DisplayProfile;
-use super::views::{self, KeyView, MAX_VIEWS, Parallax, ViewGrid, Views, eyes};
+use super::views::{self, Axis, KeyView, LensPanel, MAX_VIEWS, Parallax, Views, eyes};
 use crate::layout::error::LayoutError;
 use crate::layout::error::UnknownLayout;
 use crate::layout::table::Layout;
@@ -46,6 +46,7 @@ pub struct FrameEncoder {
     header: Header,
     filter: DepthFilter,
     view_span: Option<f64>,
+    panel: LensPanel,
 }
 
 impl Layout {
@@ -54,17 +55,19 @@ impl Layout {
     pub fn name(self) -> Cow<'static, str> {
         match self {
             Self::Views(grid) => Cow::Owned(format!("views-{grid}")),
+            Self::Lenses(count) => Cow::Owned(format!("lenses-{count}")),
             _ => Cow::Borrowed(self.info().name),
         }
     }
 
     /// How many views a picture is made into; 0 for layouts that carry the picture itself.
     #[must_use]
-    pub const fn view_count(self) -> usize {
+    pub fn view_count(self) -> usize {
         match self {
-            Self::Stereo | Self::Anaglyph => 2,
             Self::Views(grid) => grid.count() as usize,
+            Self::Lenses(count) => count.get() as usize,
             Self::Wiggle => WIGGLE_VIEWS,
+            _ if self.arrangement().is_some() => 2,
             _ => 0,
         }
     }
@@ -76,40 +79,38 @@ impl Layout {
         eyes(self.view_count(), span.unwrap_or(USUAL_SPANS[usize::from(self.view_count() > 2)]))
     }
 
-    /// How the views lie in a frame.
-    pub(super) const fn view_grid(self) -> Option<ViewGrid> {
-        match self {
-            Self::Stereo => Some(ViewGrid::PAIR),
-            Self::Views(grid) => Some(grid),
-            _ => None,
-        }
-    }
-
     /// Whether a picture of this size can be made into this layout, for those that take any: before
     /// it is rendered.
     ///
     /// # Errors
-    /// When its views would have too many pixels, or their frame too long a side.
+    /// When its views would have too many pixels, their frame too long a side, or they cannot be
+    /// halved.
     pub fn check_size(self, size_px: [u32; 2]) -> Result<(), LayoutError> {
-        if self.view_count() == 0 {
-            return Ok(());
-        }
+        let Some(arrangement) = self.arrangement() else { return Ok(()) };
         views::check_size(size_px, self.view_count())?;
-        let sides = self.view_grid().map_or([1, 1], |grid| [grid.columns(), grid.rows()]);
-        let frame_px = [0, 1].map(|side| size_px[side].saturating_mul(sides[side]));
+        let frame_px = arrangement.frame_px(size_px);
         if frame_px.iter().any(|side| *side > super::MAX_FRAME_SIDE_PX) {
             return Err(LayoutError::Size { what: "a quilt", size_px: frame_px });
         }
-        Ok(())
+        let is_odd = |side: u32| !side.is_multiple_of(2);
+        match arrangement.even_axis() {
+            Some(Axis::Across) if is_odd(size_px[0]) => {
+                Err(LayoutError::Odd { layout: self, what: "width", size_px })
+            }
+            Some(Axis::Down) if is_odd(size_px[1]) => {
+                Err(LayoutError::Odd { layout: self, what: "height", size_px })
+            }
+            _ => Ok(()),
+        }
     }
 
-    /// Views in this layout.
+    /// Views in this layout; `panel` is for those of [`Layout::Lenses`].
     ///
     /// # Errors
     /// When the number of views differs from the layout's, the frame is too large, or the
     /// layout is an animation.
-    pub fn frame_of_views(self, views: &Views) -> Result<Frame, LayoutError> {
-        pack::pack_views(self, views)
+    pub fn frame_of_views(self, views: &Views, panel: &LensPanel) -> Result<Frame, LayoutError> {
+        pack::pack_views(self, views, panel)
     }
 
     /// Whether frames carry a header on line 0.
@@ -170,6 +171,9 @@ impl FromStr for Layout {
         if let Some(views) = name.strip_prefix("views-") {
             return views.parse().map(Self::Views).map_err(|()| unknown_layout(name));
         }
+        if let Some(count) = name.strip_prefix("lenses-") {
+            return count.parse().map(Self::Lenses).map_err(|()| unknown_layout(name));
+        }
         Self::ALL.into_iter().find(|layout| layout.name() == name).ok_or_else(|| unknown_layout(name))
     }
 }
@@ -183,6 +187,9 @@ fn unknown_layout(name: &str) -> UnknownLayout {
             "views-N or views-COLUMNSxROWS with 2 to {MAX_VIEWS} views, such as views-9 or views-9x1"
         );
         return UnknownLayout(format!("no layout {shown:?}; allowed: {allowed}"));
+    }
+    if name.starts_with("lenses-") {
+        return UnknownLayout(format!("no layout {shown:?}; allowed: lenses-N with 2 to {MAX_VIEWS} views"));
     }
     UnknownLayout(format!("no layout {shown:?}; available: {names}"))
 }
@@ -215,7 +222,14 @@ impl FrameEncoder {
         if layout.has_header() && half_px < header.width_px() {
             return Err(LayoutError::HeaderWidth { needed_px: header.width_px(), half_px });
         }
-        Ok(Self { layout, profile, header, filter: DepthFilter::None, view_span: None })
+        Ok(Self {
+            layout,
+            profile,
+            header,
+            filter: DepthFilter::None,
+            view_span: None,
+            panel: LensPanel::default(),
+        })
     }
 
     /// The same encoder with a filter for the depth of its pictures.
@@ -229,6 +243,18 @@ impl FrameEncoder {
     #[must_use]
     pub const fn with_view_span(self, view_span: Option<f64>) -> Self {
         Self { view_span, ..self }
+    }
+
+    /// The same encoder for the lenses of this panel.
+    #[must_use]
+    pub const fn with_panel(self, panel: LensPanel) -> Self {
+        Self { panel, ..self }
+    }
+
+    /// The panel whose lenses views are interlaced for.
+    #[must_use]
+    pub const fn panel(&self) -> &LensPanel {
+        &self.panel
     }
 
     /// The eyes of the layout's views; none for other layouts.

@@ -1,7 +1,7 @@
 //! Packing: pictures into frames, row by row. This runs for every live frame.
 
 use super::{DisparityLayer, Frame, FrameContent, FrameEncoder, Layout, LayoutError, Pixels};
-use crate::views::{Views, anaglyph};
+use crate::views::{LensPanel, Views};
 
 /// The frame of layers whose sizes the encoder has checked.
 pub(super) fn pack<const N: usize>(
@@ -14,7 +14,9 @@ pub(super) fn pack<const N: usize>(
     match layout.info().content {
         FrameContent::Picture => Frame::new(size_px, Pixels::Rgb8(color_alone(front.color))),
         FrameContent::Depth => Err(LayoutError::NoDisparity { layout }),
-        FrameContent::Views => pack_views(layout, &encoder.views_of(size_px, front, back)?),
+        FrameContent::Views(_) => {
+            pack_views(layout, &encoder.views_of(size_px, front, back)?, &encoder.panel)
+        }
         FrameContent::Disparity(placement) => {
             let (width, step) = (size_px[0] as usize, placement.line_step as usize);
             let frame_px = placement.frame_px(size_px);
@@ -34,31 +36,15 @@ pub(super) fn pack<const N: usize>(
 }
 
 /// Views in the layout that they are for.
-pub(super) fn pack_views(layout: Layout, views: &Views) -> Result<Frame, LayoutError> {
-    let ([width, height], pictures) = (views.size_px(), views.pictures());
-    if pictures.len() != layout.view_count() {
-        return Err(LayoutError::ViewCount { layout, found: pictures.len() });
+pub(super) fn pack_views(layout: Layout, views: &Views, panel: &LensPanel) -> Result<Frame, LayoutError> {
+    let (size_px, found) = (views.size_px(), views.pictures().len());
+    if found != layout.view_count() {
+        return Err(LayoutError::ViewCount { layout, found });
     }
-    layout.check_size([width, height])?;
-    let Some(grid) = layout.view_grid() else {
-        return match (layout, pictures) {
-            (Layout::Anaglyph, [left, right]) => {
-                Frame::new([width, height], Pixels::Rgb8(anaglyph(left, right).into_flattened()))
-            }
-            _ => Err(LayoutError::Animation),
-        };
-    };
-    let frame_px = [width * grid.columns(), height * grid.rows()];
-    let (line, frame_line) = (3 * width as usize, 3 * frame_px[0] as usize);
-    let mut samples = vec![0; frame_line * frame_px[1] as usize];
-    for (view, picture) in (0..).zip(pictures) {
-        let [column, row] = grid.place(view).map(|at| at as usize);
-        let lines = samples.chunks_exact_mut(frame_line).skip(row * height as usize);
-        for (to, from) in lines.zip(picture.as_flattened().chunks_exact(line)) {
-            to[column * line..][..line].copy_from_slice(from);
-        }
-    }
-    Frame::new(frame_px, Pixels::Rgb8(samples))
+    layout.check_size(size_px)?;
+    let arrangement = layout.arrangement().ok_or(LayoutError::ViewCount { layout, found })?;
+    let pixels = arrangement.arrange(views, panel)?;
+    Frame::new(arrangement.frame_px(size_px), Pixels::Rgb8(pixels.into_flattened()))
 }
 
 fn color_alone<const N: usize>(color: &[[u8; N]]) -> Vec<u8> {

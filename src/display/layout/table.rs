@@ -3,7 +3,7 @@
 //! Packing, decoding, the command line, the API description, the live protocol and the kiosk page
 //! take everything about a layout from here. `docs/RENDERING.md` is checked against it.
 
-use crate::views::ViewGrid;
+use crate::views::{Arrangement, Axis, Turns, ViewCount, ViewGrid};
 
 /// The frame that 4K displays take, pixels.
 pub(super) const FRAME_4K_PX: [u32; 2] = [3840, 2160];
@@ -34,7 +34,7 @@ pub enum FrameContent {
     /// The picture and its disparity.
     Disparity(Placement),
     /// Views that are made of the picture and its disparity.
-    Views,
+    Views(Arrangement),
     /// Only the picture.
     Picture,
     /// Only Z in 16 bits.
@@ -63,6 +63,11 @@ pub enum BackStart {
 }
 
 const HALVES: Placement = Placement { frame_lines: 1, line_step: 1, back: None };
+/// Views beside and above each other: of a pair above each other the left one is at the top.
+const fn tiles(grid: ViewGrid, halved: Option<Axis>) -> Arrangement {
+    Arrangement::Tiles { grid, halved, is_from_top: grid.columns() == 1 }
+}
+
 const EVEN_LINES: Placement = Placement { frame_lines: 2, line_step: 2, back: None };
 
 impl Placement {
@@ -96,7 +101,7 @@ impl Placement {
 
 impl Layout {
     /// All layouts.
-    pub const TABLE: [LayoutInfo; 12] = [
+    pub const TABLE: [LayoutInfo; 19] = [
         LayoutInfo {
             layout: Self::Wowvx,
             name: "wowvx",
@@ -164,7 +169,61 @@ impl Layout {
             layout: Self::Stereo,
             name: "stereo",
             summary: "two views side by side, the left one on the left",
-            content: FrameContent::Views,
+            content: FrameContent::Views(tiles(ViewGrid::PAIR, None)),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::StereoHalf,
+            name: "stereo-half",
+            summary: "two views side by side, each half as wide: the frame has the size of one",
+            content: FrameContent::Views(tiles(ViewGrid::PAIR, Some(Axis::Across))),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::TopBottom,
+            name: "top-bottom",
+            summary: "two views above each other, the left one above",
+            content: FrameContent::Views(tiles(ViewGrid::STACK, None)),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::TopBottomHalf,
+            name: "top-bottom-half",
+            summary: "two views above each other, each half as high: the frame has the size of one",
+            content: FrameContent::Views(tiles(ViewGrid::STACK, Some(Axis::Down))),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::Lines,
+            name: "lines",
+            summary: "two views line by line, the left one on the even lines",
+            content: FrameContent::Views(Arrangement::Turns(Turns::Lines)),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::Columns,
+            name: "columns",
+            summary: "two views column by column, the left one on the even columns",
+            content: FrameContent::Views(Arrangement::Turns(Turns::Columns)),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::Checkerboard,
+            name: "checkerboard",
+            summary: "two views as a checkerboard, the left one at the top left",
+            content: FrameContent::Views(Arrangement::Turns(Turns::Checkerboard)),
             has_header: false,
             frame_px: None,
             live_byte: None,
@@ -173,7 +232,16 @@ impl Layout {
             layout: Self::Views(ViewGrid::NINE),
             name: "views-9",
             summary: "a quilt of views, views-N or views-COLUMNSxROWS: the leftmost at the bottom left, rows upwards",
-            content: FrameContent::Views,
+            content: FrameContent::Views(tiles(ViewGrid::NINE, None)),
+            has_header: false,
+            frame_px: None,
+            live_byte: None,
+        },
+        LayoutInfo {
+            layout: Self::Lenses(ViewCount::NINE),
+            name: "lenses-9",
+            summary: "N views interlaced for a panel with slanted lenses, lenses-N: each third of a pixel belongs to a view",
+            content: FrameContent::Views(Arrangement::Lenses),
             has_header: false,
             frame_px: None,
             live_byte: None,
@@ -182,7 +250,7 @@ impl Layout {
             layout: Self::Anaglyph,
             name: "anaglyph",
             summary: "two views in one picture, for red-cyan glasses",
-            content: FrameContent::Views,
+            content: FrameContent::Views(Arrangement::RedCyan),
             has_header: false,
             frame_px: None,
             live_byte: None,
@@ -191,7 +259,7 @@ impl Layout {
             layout: Self::Wiggle,
             name: "wiggle",
             summary: "an animated PNG of nine views, forwards and backwards",
-            content: FrameContent::Views,
+            content: FrameContent::Views(Arrangement::Animation),
             has_header: false,
             frame_px: None,
             live_byte: None,
@@ -244,6 +312,16 @@ impl Layout {
             _ => None,
         }
     }
+
+    /// How the views lie in a frame, for layouts of views.
+    #[must_use]
+    pub fn arrangement(self) -> Option<Arrangement> {
+        match (self, self.info().content) {
+            (Self::Views(grid), _) => Some(Arrangement::Tiles { grid, halved: None, is_from_top: false }),
+            (_, FrameContent::Views(arrangement)) => Some(arrangement),
+            _ => None,
+        }
+    }
 }
 
 /// How a picture and its depth are placed in a frame.
@@ -265,8 +343,22 @@ pub enum Layout {
     Rgbd,
     /// `stereo`: two views beside each other, of any size.
     Stereo,
+    /// `stereo-half`: the same at half the width.
+    StereoHalf,
+    /// `top-bottom`: two views above each other, of any size.
+    TopBottom,
+    /// `top-bottom-half`: the same at half the height.
+    TopBottomHalf,
+    /// `lines`: two views take turns line by line.
+    Lines,
+    /// `columns`: two views take turns column by column.
+    Columns,
+    /// `checkerboard`: two views take turns pixel by pixel.
+    Checkerboard,
     /// `views-9` and others: a quilt of views, of any size.
     Views(ViewGrid),
+    /// `lenses-9` and others: views interlaced for the lenses of a panel, of the panel's size.
+    Lenses(ViewCount),
     /// `anaglyph`: two views in one picture for red-cyan glasses, of any size.
     Anaglyph,
     /// `wiggle`: views one after the other, of any size.

@@ -23,6 +23,8 @@ impl ViewGrid {
     pub const PAIR: Self = Self { columns: 2, rows: 1 };
     /// Nine views in three rows: what WoWvx displays have behind their lenses.
     pub const NINE: Self = Self { columns: 3, rows: 3 };
+    /// Two views above each other.
+    pub const STACK: Self = Self { columns: 1, rows: 2 };
 
     /// A grid of 2 to [`MAX_VIEWS`] views; `None` otherwise.
     #[must_use]
@@ -84,16 +86,54 @@ impl FromStr for ViewGrid {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        // Digits only: "+9" and "09" would be second names of the same layout.
-        let number = |text: &str| match text.as_bytes() {
-            [b'1'..=b'9', rest @ ..] if rest.iter().all(u8::is_ascii_digit) => text.parse().ok(),
-            _ => None,
-        };
         let grid = match text.split_once('x') {
             Some((columns, rows)) => number(columns).zip(number(rows)).and_then(|(c, r)| Self::new(c, r)),
             None => number(text).and_then(Self::of_count),
         };
         grid.ok_or(())
+    }
+}
+
+/// A number of views without places of their own: 2 to [`MAX_VIEWS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewCount(u32);
+
+impl ViewCount {
+    /// Nine views.
+    pub const NINE: Self = Self(9);
+
+    /// The number; `None` if it is out of range.
+    #[must_use]
+    pub fn new(count: u32) -> Option<Self> {
+        (2..=MAX_VIEWS).contains(&count).then_some(Self(count))
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn get(self) -> u32 {
+        self.0
+    }
+}
+
+impl fmt::Display for ViewCount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for ViewCount {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        number(text).and_then(Self::new).ok_or(())
+    }
+}
+
+/// A number in a name. Digits only: "+9" and "09" would be second names of the same layout.
+fn number(text: &str) -> Option<u32> {
+    match text.as_bytes() {
+        [b'1'..=b'9', rest @ ..] if rest.iter().all(u8::is_ascii_digit) => text.parse().ok(),
+        _ => None,
     }
 }
 

@@ -11,20 +11,27 @@
 //! the picture, to the right.
 
 mod anaglyph;
+mod arrange;
+mod arrangement;
 mod between;
 mod compare;
 mod grid;
+mod panel;
 mod parallax;
 mod pictures;
+mod quilt_name;
 mod warp;
 
 pub use anaglyph::anaglyph;
+pub use arrangement::{Arrangement, Axis, Turns};
 pub use between::{KeyView, interpolate};
 pub use compare::psnr_db;
-pub use grid::{MAX_VIEWS, ViewGrid};
+pub use grid::{MAX_VIEWS, ViewCount, ViewGrid};
+pub use panel::{LensPanel, PanelError, Subpixels};
 pub use parallax::{Parallax, TrueViews};
 pub use pictures::Views;
 pub(crate) use pictures::check_size;
+pub use quilt_name::QuiltName;
 pub use warp::synthesize;
 
 /// The places of `count` eyes that are `span` eye separations apart from the first to the last,

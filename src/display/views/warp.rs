@@ -27,7 +27,7 @@ use relief_base::Disparity;
 /// A pixel's width.
 pub(super) const UNIT: i32 = 4096;
 /// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
-pub(super) const SURFACE_STEP: u8 = 4;
+const SURFACE_STEP: u8 = 4;
 
 /// The views of a picture and its disparity for these eyes, from left to right. The background
 /// layer fills holes.

@@ -49,6 +49,9 @@ impl From<CameraError> for RequestError {
             CameraError::FieldOfView(degrees) => {
                 Self::new("camera.projection.perspective.vertical_fov_deg", degrees, "0.1 to 170")
             }
+            CameraError::Parallel => {
+                Self::new("camera.projection", &"orthographic", "a perspective, which has an eye")
+            }
             CameraError::Height(mm) => {
                 Self::new("camera.projection.orthographic.height_mm", mm, "0.001 to 1000000")
             }

@@ -7,6 +7,7 @@
 
 mod framing;
 mod orbit;
+mod screen;
 mod slice;
 mod written;
 
@@ -64,6 +65,9 @@ pub enum CameraError {
     /// The field of view is not an angle one can see through.
     #[error("vertical field of view is {0} degrees, allowed: 0.1 to 170")]
     FieldOfView(f64),
+    /// A parallel projection has no eye that could look through a screen.
+    #[error("a parallel projection has no eye: set projection to perspective (--fov-deg above 0)")]
+    Parallel,
     /// The height of an orthographic picture is not a usable length.
     #[error("orthographic height is {0} mm, allowed: 0.001 to 1000000")]
     Height(f64),

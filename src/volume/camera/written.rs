@@ -57,6 +57,24 @@ fn is_centred(lens_shift: &[f64; 2]) -> bool {
     *lens_shift == [0.0; 2]
 }
 
+impl From<&Camera> for CameraFile {
+    fn from(camera: &Camera) -> Self {
+        let projection = match camera.projection() {
+            Projection::Perspective { vertical_fov } => {
+                ProjectionFile::Perspective { vertical_fov_deg: vertical_fov.to_degrees() }
+            }
+            Projection::Orthographic { height_mm } => ProjectionFile::Orthographic { height_mm },
+        };
+        Self {
+            eye_mm: camera.eye().xyz.to_array(),
+            look_at_mm: camera.look_at().xyz.to_array(),
+            up: camera.up().xyz.to_array(),
+            projection,
+            lens_shift: camera.lens_shift(),
+        }
+    }
+}
+
 impl CameraFile {
     /// The camera that is written.
     ///

@@ -33,6 +33,8 @@ let remote = "";
 let last = null;
 /** Where the viewer's eyes are, and the time from there to the picture, ms. */
 let viewer = null;
+/** Time from sending a movement of the view to the frame that shows it, ms. */
+let servedMs;
 /** Disparity of the frame on the display, as it came. */
 let lastDepth = null;
 /** The frame that was tested: its layout and size. */
@@ -116,6 +118,7 @@ function helloOf() {
 const session = new Session(helloOf(), {
   show(header, layers) {
     panel.show(frameOf(header, layers));
+    servedMs = session.delayOf(header.showsSeq) ?? servedMs;
     shown = header;
     lastDepth = layers[0].depth;
     last = { header, layers };
@@ -216,6 +219,7 @@ function fillFacts() {
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
+    Delay: servedMs === undefined ? "" : `a movement is shown ${servedMs.toFixed(1)} ms after it was sent`,
     Eyes: viewerWords(),
     Parallax: comfort ? comfortWords(comfort) : "",
     Preset: view?.state?.preset ?? "",

@@ -22,12 +22,17 @@ function whyNotYet({ type, problem }) {
   return problem?.code === "no-such-volume" ? "the server does not have this volume yet" : "";
 }
 
+/** Messages whose time of sending is kept. */
+const MOST_SENT = 256;
+
 const nowNs = () => Math.round((performance.timeOrigin + performance.now()) * 1e6);
 
 export class Session {
   #socket = null;
   #wait = FIRST_WAIT_MS;
   #seq = 0;
+  /** When intents and reports that no frame has shown yet were sent, by their number. */
+  #sentMs = new Map();
   #newest = null;
   #view = null;
   #unpacking = false;
@@ -52,12 +57,26 @@ export class Session {
 
   /** Sends an intent; without a connection it is discarded, because the user sees no view. */
   intent(intent) {
-    this.#send({ type: "intent", seq: (this.#seq += 1), t_ns: nowNs(), ...intent });
+    this.#send({ type: "intent", seq: this.#next(), t_ns: nowNs(), ...intent });
   }
 
   /** Sends a report of a Wiimote, in hexadecimal digits. */
   report(report) {
-    this.#send({ type: "report", seq: (this.#seq += 1), t_ns: nowNs(), report });
+    this.#send({ type: "report", seq: this.#next(), t_ns: nowNs(), report });
+  }
+
+  #next() {
+    this.#seq += 1;
+    this.#sentMs.set(this.#seq, performance.now());
+    if (this.#sentMs.size > MOST_SENT) this.#sentMs.delete(this.#sentMs.keys().next().value);
+    return this.#seq;
+  }
+
+  /** Milliseconds since the message was sent that a frame shows as its newest; undefined if an earlier frame showed it. */
+  delayOf(showsSeq) {
+    const sent = this.#sentMs.get(showsSeq);
+    for (const seq of this.#sentMs.keys()) if (seq <= showsSeq) this.#sentMs.delete(seq);
+    return sent === undefined ? undefined : performance.now() - sent;
   }
 
   /** Changes the options of the view; new sessions start with them. */
