@@ -97,7 +97,8 @@ mod tests {
         for layout in Layout::ALL {
             for size_px in [[256, 64], [2, 2], [16, 4], [64, 2]] {
                 let pixels = changed(layout, size_px, BAD);
-                let right = if layout == Layout::Color { size_px[0] } else { size_px[0] / 2 };
+                let has_depth = layout.placement().is_some();
+                let right = if has_depth { size_px[0] / 2 } else { size_px[0] };
                 assert!(pixels.iter().all(|[x, y]| *x < right as usize && *y > 0), "{layout} {size_px:?}");
                 if layout == Layout::Declipse {
                     assert!(pixels.iter().all(|[_, y]| *y < size_px[1] as usize / 2));
