@@ -26,6 +26,8 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("docker compose", "needs Docker"),
     ("scripts/setup-ipopt", "downloads packages"),
     ("cargo ", "builds"),
+    ("scripts/package-python", "builds a wheel; a step of scripts/test does that"),
+    ("pip install .relief", "installs the wheel; a step of scripts/test uses it"),
     ("scripts/compare-views", "renders and measures for a quarter of an hour"),
     ("scripts/compare-track", "compares with peers for minutes; the peers have tests"),
     ("relief golden", "is for the project's folder; tests of golden pictures run it"),
