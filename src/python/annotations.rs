@@ -19,11 +19,16 @@ fn format_of(name: &str) -> PyResult<Format> {
 /// The items of a file as a JSON array, and warnings.
 #[pyfunction]
 #[pyo3(signature = (path, format=None))]
-pub(crate) fn read_annotations(py: Python<'_>, path: PathBuf, format: Option<&str>) -> PyResult<(String, Vec<String>)> {
+pub(crate) fn read_annotations(
+    py: Python<'_>,
+    path: PathBuf,
+    format: Option<&str>,
+) -> PyResult<(String, Vec<String>)> {
     let format = format.map(format_of).transpose()?;
     py.detach(move || {
         let shown = path.display().to_string();
-        let failed = |error: &dyn std::error::Error| ReliefError::new_err(format!("cannot read {shown}: {error}"));
+        let failed =
+            |error: &dyn std::error::Error| ReliefError::new_err(format!("cannot read {shown}: {error}"));
         if std::fs::metadata(&path).map_err(|error| failed(&error))?.len() > MAX_FILE_BYTES {
             return Err(ReliefError::new_err(format!("{shown} is larger than {MAX_FILE_BYTES} bytes")));
         }
@@ -32,8 +37,14 @@ pub(crate) fn read_annotations(py: Python<'_>, path: PathBuf, format: Option<&st
             ReliefError::new_err(format!("the format of {shown} is not recognised; name it by format"))
         })?;
         let list = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let context =
-            ReadContext { author: "python", set: "default", list: &list, frame_of_reference: None, grid: None, series: None };
+        let context = ReadContext {
+            author: "python",
+            set: "default",
+            list: &list,
+            frame_of_reference: None,
+            grid: None,
+            series: None,
+        };
         let found = read(format, &bytes, &context).map_err(|error| raised(&error))?;
         let items = serde_json::to_string(&found.items).map_err(|error| raised(&error))?;
         Ok((items, found.warnings))

@@ -4,17 +4,21 @@ use std::error::Error;
 
 use pyo3::PyErr;
 
-pyo3::create_exception!(relief, ReliefError, pyo3::exceptions::PyValueError, "What failed, where, why and what to do.");
+pyo3::create_exception!(
+    relief,
+    ReliefError,
+    pyo3::exceptions::PyValueError,
+    "What failed, where, why and what to do."
+);
 
 /// An error and its causes in one line.
 pub(crate) fn raised(error: &dyn Error) -> PyErr {
-    let causes = std::iter::successors(Some(error), |error| error.source());
-    let mut texts: Vec<String> = Vec::new();
-    for text in causes.map(ToString::to_string) {
-        // Transparent errors repeat the text of their cause.
-        if texts.last() != Some(&text) {
-            texts.push(text);
-        }
+    let mut texts = vec![error.to_string()];
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        texts.push(error.to_string());
+        cause = error.source();
     }
+    texts.dedup(); // transparent errors repeat the text of their cause
     ReliefError::new_err(texts.join(": "))
 }

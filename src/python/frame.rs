@@ -37,7 +37,8 @@ impl Frame {
         let depth: PyReadonlyArray2<'_, f32> = self.depth_mm.bind(py).readonly();
         let rgba: Vec<u8> = color.as_array().iter().copied().collect();
         let back = self.frame.back.as_ref();
-        let back = back.map(|back| BackLayer { color_rgba: back.color_rgba.clone(), depth_mm: back.depth_mm.clone() });
+        let back = back
+            .map(|back| BackLayer { color_rgba: back.color_rgba.clone(), depth_mm: back.depth_mm.clone() });
         Ok(RenderedFrame {
             color_rgba: rgba.as_chunks::<4>().0.to_vec(),
             depth_mm: depth.as_array().iter().copied().collect(),
@@ -83,7 +84,9 @@ impl Frame {
     fn pick(&self, py: Python<'_>, x: u32, y: u32) -> PyResult<Option<[f64; 3]>> {
         let [width, height] = self.frame.size_px;
         if x >= width || y >= height {
-            return Err(ReliefError::new_err(format!("pixel {x}, {y} is outside of a picture of {width}x{height}")));
+            return Err(ReliefError::new_err(format!(
+                "pixel {x}, {y} is outside of a picture of {width}x{height}"
+            )));
         }
         let depth = self.depth_mm.bind(py).readonly().as_array()[[y as usize, x as usize]];
         Ok(self.frame.point_at([x, y], ViewDepth(depth)).map(|point| point.xyz.to_array()))
@@ -91,10 +94,22 @@ impl Frame {
 
     /// The bytes of a file: png in a layout, jpg of the colour, exr of colour and depth in mm.
     #[pyo3(signature = (layout=None, format="png"))]
-    fn encode<'py>(&self, py: Python<'py>, layout: Option<&str>, format: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let known = [("png", FileFormat::Png), ("jpg", FileFormat::Jpeg), ("exr", FileFormat::Exr), ("raw", FileFormat::Raw)];
+    fn encode<'py>(
+        &self,
+        py: Python<'py>,
+        layout: Option<&str>,
+        format: &str,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let known = [
+            ("png", FileFormat::Png),
+            ("jpg", FileFormat::Jpeg),
+            ("exr", FileFormat::Exr),
+            ("raw", FileFormat::Raw),
+        ];
         let found = known.into_iter().find(|(name, _)| *name == format);
-        let (_, format) = found.ok_or_else(|| ReliefError::new_err(format!("no format {format:?}; allowed: png, jpg, exr, raw")))?;
+        let (_, format) = found.ok_or_else(|| {
+            ReliefError::new_err(format!("no format {format:?}; allowed: png, jpg, exr, raw"))
+        })?;
         let mut display = self.display.clone();
         if let Some(name) = layout {
             display.layout = name.parse::<Layout>().map_err(|error| raised(&error))?;

@@ -1,6 +1,7 @@
 //! One renderer of each adapter for the process: opening one takes longer than a picture.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::{LazyLock, Mutex, PoisonError};
 
 use relief_render::{AdapterChoice, RenderError, RenderRequest, RenderedFrame, Renderer};
@@ -15,11 +16,13 @@ pub(crate) fn render(
     request: &RenderRequest,
 ) -> Result<RenderedFrame, RenderError> {
     let mut renderers = RENDERERS.lock().unwrap_or_else(PoisonError::into_inner);
-    if !renderers.contains_key(adapter) {
-        renderers.insert(adapter.to_owned(), Renderer::open(&AdapterChoice::parse(adapter))?);
-    }
-    let Some(renderer) = renderers.get_mut(adapter) else { return Err(RenderError::DeviceLost) };
-    let rendered = renderer.render(volume, request);
+    let rendered = match renderers.entry(adapter.to_owned()) {
+        Entry::Occupied(mut open) => open.get_mut().render(volume, request),
+        Entry::Vacant(place) => {
+            let renderer = Renderer::open(&AdapterChoice::parse(adapter))?;
+            place.insert(renderer).render(volume, request)
+        }
+    };
     if rendered.is_err() {
         renderers.remove(adapter); // a device that was lost is opened again
     }

@@ -39,7 +39,7 @@ pub(crate) fn open_volume(
         let found = discover(&path, strictness, &|_| ()).map_err(|error| raised(&error))?;
         let entry = found.select(series_uid.as_deref()).map_err(|error| raised(&error))?;
         let loaded = load(entry, strictness, &|_| ()).map_err(|error| raised(&error))?;
-        let warnings = found.warnings().iter().chain(&loaded.warnings).map(|warning| warning.message.clone());
+        let warnings = found.warnings().into_iter().chain(loaded.warnings).map(|warning| warning.message);
         Ok(Volume { warnings: warnings.collect(), volume: loaded.volume })
     })
 }
@@ -70,10 +70,8 @@ impl Volume {
         let [x, y, z] = [0, 1, 2].map(|axis| axes.col(axis) * spacing_mm[axis]);
         let grid = Grid::new(dims, Transform::from_axes(x, y, z, DVec3::from(origin_mm)));
         let grid = grid.map_err(|error| raised(&error))?;
-        let voxels = match voxels.as_slice() {
-            Ok(contiguous) => contiguous.to_vec(),
-            Err(_) => voxels.as_array().iter().copied().collect(),
-        };
+        // In the order of indices, whatever the order in memory.
+        let voxels = voxels.as_array().iter().copied().collect();
         let volume = relief_volume::Volume::new(grid, voxels).map_err(|error| raised(&error))?;
         Ok(Self { volume, warnings: Vec::new() })
     }
@@ -139,16 +137,20 @@ impl Volume {
         &self,
         py: Python<'_>,
         scene: &str,
-        (azimuth_deg, elevation_deg, zoom): (f64, f64, f64),
+        view: (f64, f64, f64),
         adapter: &str,
     ) -> PyResult<Frame> {
+        let (azimuth_deg, elevation_deg, zoom) = view;
         let orbit = Orbit { azimuth_deg, elevation_deg, zoom, ..Orbit::default() };
         orbit.validate().map_err(|error| raised(&error))?;
         let (frame, display) = py.detach(|| {
             let scene = SceneFile::parse(scene.as_bytes()).map_err(|error| raised(&error))?;
-            let scene = scene.resolve_for(&Subject::of(&self.volume, None), &orbit).map_err(|error| raised(&error))?;
+            let scene = scene
+                .resolve_for(&Subject::of(&self.volume, None), &orbit)
+                .map_err(|error| raised(&error))?;
             scene.expect_no_annotations().map_err(|error| raised(&error))?;
-            let frame = renderers::render(adapter, &self.volume, &scene.request).map_err(|error| raised(&error))?;
+            let frame =
+                renderers::render(adapter, &self.volume, &scene.request).map_err(|error| raised(&error))?;
             Ok::<_, PyErr>((frame, scene.display))
         })?;
         Frame::new(py, frame, display)

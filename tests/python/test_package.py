@@ -188,7 +188,8 @@ class Frames(Series):
 class Annotations(Series):
     def test_landmarks_of_slicer_become_dataclasses_and_a_table_and_a_file_again(self):
         points = [{"label": name, "position": [i, 2.0 * i, -i]} for i, name in enumerate(["nasion", "basion"], 1)]
-        markups = {"markups": [{"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": points}]}
+        schema = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#"
+        markups = {"@schema": schema, "markups": [{"type": "Fiducial", "coordinateSystem": "LPS", "controlPoints": points}]}
         path = self.path / "landmarks.mrk.json"
         path.write_text(json.dumps(markups))
         found = relief.read_annotations(path)

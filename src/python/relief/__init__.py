@@ -28,7 +28,6 @@ from ._native import ReliefError
 
 if TYPE_CHECKING:
     import nibabel
-    import SimpleITK
 
 __all__ = [
     "Annotation", "Frame", "ReliefError", "Volume", "annotations_table", "open", "phantom", "read_annotations", "write_annotations",
@@ -128,8 +127,8 @@ class Volume:
         return cls(_native.Volume.from_hu(voxels, *numbers, axes.tolist()))
 
     @classmethod
-    def from_sitk(cls, image: SimpleITK.Image) -> Volume:
-        """A volume of a SimpleITK image in HU, which is in LPS, too."""
+    def from_sitk(cls, image: Any) -> Volume:
+        """A volume of a SimpleITK image (`SimpleITK.Image`, which has no types) in HU, which is in LPS, too."""
         import SimpleITK
 
         array = SimpleITK.GetArrayViewFromImage(image)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Optional
 from . import _native
 
 if TYPE_CHECKING:
-    import pandas
+    import pandas  # type: ignore[import-untyped, unused-ignore]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +50,7 @@ PLACES = ("at_mm", "ends_mm", "points_mm", "center_mm")
 
 def _annotation(item: dict[str, Any]) -> Annotation:
     geometry = item.get("geometry") or {}
-    places = next((geometry[key] for key in PLACES if key in geometry), [])
+    places: list[Any] = next((geometry[key] for key in PLACES if key in geometry), [])
     points = [places] if places and not isinstance(places[0], list) else places
     return Annotation(
         name=item["name"],
