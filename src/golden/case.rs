@@ -10,14 +10,12 @@ use super::compare::Tolerance;
 use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
 use crate::raster::Aspect;
+use crate::source::{Source, VolumeFile};
 use relief_render::{Scene, SceneFile, Subject};
-use relief_volume::{Orbit, PhantomRecipe, Volume};
+use relief_volume::{Orbit, Volume};
 
 const CASE_FILE: &str = "case.toml";
 const SCENE_FILE: &str = "scene.json";
-
-/// Voxels across: goldens are many and quick.
-const MAX_PHANTOM_SIZE: usize = 128;
 
 /// A picture to render and what to compare of it.
 #[derive(Clone, Debug)]
@@ -25,7 +23,7 @@ pub struct Case {
     id: CaseId,
     folder: PathBuf,
     purpose: String,
-    recipe: PhantomRecipe,
+    source: Source,
     is_labelled: bool,
     tolerance: Tolerance,
     aspects: Vec<Aspect>,
@@ -50,18 +48,6 @@ enum ToleranceName {
     Strict,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VolumeFile {
-    phantom: String,
-    size: usize,
-    #[serde(default)]
-    seed: u64,
-    /// Whether the phantom's organs are labelled.
-    #[serde(default)]
-    labels: bool,
-}
-
 impl Case {
     /// Reads the case in `folder`.
     ///
@@ -73,15 +59,16 @@ impl Case {
         let syntax = |reason: String| GoldenError::Syntax { path: path.clone(), reason };
         let text = String::from_utf8(read_required(&path)?).map_err(|error| syntax(error.to_string()))?;
         let file: CaseFile = toml::from_str(&text).map_err(|error| syntax(error.to_string()))?;
-        let recipe = file.volume.recipe(&path)?;
+        let is_labelled = file.volume.labels;
+        let source = file.volume.source(&path)?;
         let scene = folder.join(SCENE_FILE);
         let parsed = SceneFile::parse(&read_required(&scene)?);
         let case = Self {
             id,
             folder: folder.to_owned(),
             purpose: file.purpose,
-            recipe,
-            is_labelled: file.volume.labels,
+            source,
+            is_labelled,
             tolerance: file.tolerance.tolerance(),
             aspects: checked_aspects(&path, file.compare)?,
             scene: parsed.map_err(|source| GoldenError::Scene { path: scene, source })?,
@@ -108,10 +95,10 @@ impl Case {
         &self.purpose
     }
 
-    /// The procedural volume.
+    /// Where the voxels come from.
     #[must_use]
-    pub fn recipe(&self) -> PhantomRecipe {
-        self.recipe
+    pub const fn source(&self) -> &Source {
+        &self.source
     }
 
     /// How far pictures may be apart.
@@ -133,7 +120,8 @@ impl Case {
     /// When a value is out of range, or the tolerance would let a depth pass that is off by one
     /// sample.
     pub fn scene(&self, volume: &Volume) -> Result<Scene, GoldenError> {
-        let organs = if self.is_labelled { self.recipe.label_map().map(Arc::new) } else { None };
+        let recipe = self.source.recipe().filter(|_| self.is_labelled);
+        let organs = recipe.and_then(|recipe| recipe.label_map()).map(Arc::new);
         let resolved =
             self.scene.clone().resolve_for(&Subject::of(volume, organs.as_ref()), &Orbit::default());
         let path = || self.folder.join(SCENE_FILE);
@@ -180,20 +168,6 @@ impl ToleranceName {
             Self::Exact => Tolerance::EXACT,
             Self::Strict => Tolerance::STRICT,
         }
-    }
-}
-
-impl VolumeFile {
-    fn recipe(&self, path: &Path) -> Result<PhantomRecipe, GoldenError> {
-        if self.size > MAX_PHANTOM_SIZE {
-            return Err(GoldenError::Range {
-                path: path.to_owned(),
-                key: "volume.size",
-                found: self.size.to_string(),
-                allowed: format!("at most {MAX_PHANTOM_SIZE}"),
-            });
-        }
-        Ok(PhantomRecipe::new(self.phantom.parse()?).with_size(self.size)?.with_seed(self.seed))
     }
 }
 

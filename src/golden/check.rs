@@ -1,6 +1,7 @@
 //! Rendering cases, comparing them with their goldens, and making goldens of them.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 
 use image::ColorType;
@@ -18,15 +19,16 @@ use crate::report::CaseReport;
 use crate::report::CheckReport;
 use crate::report::Pair;
 use crate::report::Verdict;
+use crate::source::Source;
 use relief_display::DisplaySettings;
 use relief_render::{AdapterDescription, AdapterKind, RenderedFrame, Renderer};
 use relief_session::{FileFormat, Product, encode};
-use relief_volume::{PhantomRecipe, Volume};
+use relief_volume::Volume;
 
-/// Renders cases. Keeps the phantoms it has made: many cases show the same.
+/// Renders cases. Keeps the volumes that it has made or loaded: many cases show the same.
 pub struct Harness {
     renderer: Renderer,
-    volumes: HashMap<PhantomRecipe, Volume>,
+    volumes: HashMap<Source, Volume>,
 }
 
 /// A golden to be written.
@@ -138,7 +140,10 @@ impl Harness {
     }
 
     fn render(&mut self, case: &Case) -> Result<RenderedCase, GoldenError> {
-        let volume = self.volumes.entry(case.recipe()).or_insert_with(|| case.recipe().make().volume);
+        let volume = match self.volumes.entry(case.source().clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => place.insert(case.source().volume()?),
+        };
         let scene = case.scene(volume)?;
         let frame = self.renderer.render(volume, &scene.request)?;
         Ok(RenderedCase { frame, display: scene.display })

@@ -93,6 +93,14 @@ pub enum GoldenError {
         /// Why.
         source: SceneError,
     },
+    /// The series of a case.
+    #[error("the series at {}: {source}", path.display())]
+    Series {
+        /// Where it should be.
+        path: PathBuf,
+        /// Why it cannot be loaded.
+        source: Box<relief_dicom::Error>,
+    },
     /// The phantom's name.
     #[error(transparent)]
     Kind(#[from] UnknownPhantom),

@@ -1,5 +1,5 @@
-//! Golden images: pictures of procedural volumes that were looked at once and must come out the
-//! same ever after.
+//! Golden images: pictures that were looked at once and must come out the same ever after, of
+//! procedural volumes or of a project's own series.
 //!
 //! It reads cases, renders them, compares, and shows differences. It writes no golden:
 //! [`Harness::bless`] returns the bytes, and only `relief golden bless` writes them.
@@ -8,7 +8,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `case.toml` | purpose, procedural volume, tolerance by name, what is compared |
+//! | `case.toml` | purpose, volume, tolerance by name, what is compared |
 //! | `scene.json` | the scene, in the JSON that users write |
 //! | `color.png` | expected colour and coverage (RGBA, 8 bits) |
 //! | `depth.exr` | expected view depth, mm, `+inf` where a ray hits nothing |
@@ -23,6 +23,9 @@
 //! phantom = "sphere"
 //! size = 64
 //! ```
+//!
+//! In place of `phantom` and `size`, `series` is the path of a CT series or a volume file from the
+//! case's folder, with `series_uid` where there are several.
 //!
 //! Pictures are compared on a software adapter: its pictures do not depend on the machine.
 //! Everything else is a failure: a golden that is missing, a file that no case asks for, no case at
@@ -39,6 +42,8 @@ mod html;
 mod limits;
 mod raster;
 mod report;
+mod source;
+mod starter;
 
 pub use crate::case_id::CaseId;
 pub use crate::raster::Aspect;
@@ -54,3 +59,5 @@ pub use compare::{ColorDifference, Comparison, DepthDifference, Difference, Mism
 pub use error::{GoldenError, PictureError};
 pub use limits::MAX_FILE_BYTES;
 pub use raster::{Raster, Samples};
+pub use source::Source;
+pub use starter::starter_case;

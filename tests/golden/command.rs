@@ -258,3 +258,59 @@ fn a_missing_adapter_fails() {
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("no graphics adapter"), "{}", said(&output));
 }
+
+/// A project that has no cases yet: from the first command to a failure, without a driver.
+#[test]
+fn another_project_begins_with_a_phantom_or_with_its_own_series() {
+    let place = Place { folder: tempfile::tempdir().unwrap() };
+    let text = |output: &Output| {
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    };
+    let run = |arguments: &[&str]| {
+        let output = place.golden(arguments);
+        (output.status.success(), text(&output))
+    };
+    let phantom = Command::new(env!("CARGO_BIN_EXE_relief"))
+        .args(["phantom", "--kind", "sphere", "--size", "32", "--out", "data/ball"])
+        .current_dir(place.folder.path())
+        .output()
+        .unwrap();
+    assert!(phantom.status.success(), "{}", text(&phantom));
+    for (dir, series) in [("golden", None), ("pictures/ct", Some("data/ball"))] {
+        let init = ["init", "--dir", dir];
+        let (begun, told) = run(&[&init[..], &series.map_or(vec![], |path| vec!["--series", path])].concat());
+        assert!(begun && told.contains("bless --all"), "{told}");
+        let place_and_adapter = ["--dir", dir, "--adapter", "cpu"];
+        let (passed, told) = run(&[&["check"], &place_and_adapter[..]].concat());
+        assert!(!passed && told.contains("FAILED"), "there is no golden yet: {told}");
+        let (blessed, told) = run(&[&["bless", "--all"], &place_and_adapter[..]].concat());
+        assert!(blessed && told.contains("color.png is new"), "{told}");
+        let (passed, told) = run(&[&["check"], &place_and_adapter[..]].concat());
+        assert!(passed && told.contains("1 of 1 golden images are as expected"), "{told}");
+        // Another scene is another picture.
+        let scene = place.folder.path().join(dir).join("first/front/scene.json");
+        fs::write(&scene, fs::read_to_string(&scene).unwrap().replace("bone", "skin")).unwrap();
+        let (passed, told) = run(&[&["check"], &place_and_adapter[..]].concat());
+        assert!(!passed && told.contains("relief golden bless"), "{told}");
+        let (again, told) = run(&init);
+        assert!(!again && told.contains("has cases already"), "{told}");
+    }
+    let (begun, told) = run(&["init", "--dir", "other", "--series", "data/none"]);
+    assert!(!begun && told.contains("there is no series at data/none"), "{told}");
+    // A series that is gone is a finding of the case, with its path.
+    fs::remove_dir_all(place.folder.path().join("data")).unwrap();
+    let (passed, told) = run(&["check", "--dir", "pictures/ct", "--adapter", "cpu"]);
+    assert!(!passed && told.contains("the series at") && told.contains("data/ball"), "{told}");
+    let case = place.folder.path().join("pictures/ct/first/front/case.toml");
+    for (volume, reason) in [
+        ("phantom = \"head\"", "volume.size is missing"),
+        ("phantom = \"head\"\nsize = 400", "at most 128"),
+        ("series = \"x\"\nsize = 4", "these beside phantom"),
+        ("seed = 4", "neither or both of phantom and series"),
+    ] {
+        let text = format!("purpose = \"x\"\ntolerance = \"exact\"\ncompare = [\"color\"]\n[volume]\n{volume}\n");
+        fs::write(&case, text).unwrap();
+        let (passed, told) = run(&["check", "--dir", "pictures/ct", "--adapter", "cpu"]);
+        assert!(!passed && told.contains(reason), "{reason}: {told}");
+    }
+}

@@ -67,7 +67,7 @@ fn every_golden_that_the_processor_casts_is_as_expected() {
     let (mut cast, mut wrong) = (0, Vec::new());
     for id in goldens.ids() {
         let case = goldens.read(id).unwrap();
-        let phantom = common::phantom(case.recipe());
+        let phantom = common::phantom(case.source().recipe().unwrap());
         let scene = case.scene(&phantom.volume).unwrap();
         if relief_render::left_by_processor(&phantom.volume, &scene.request).is_some() {
             continue;
@@ -123,7 +123,7 @@ fn expect_twins(step: usize) {
     let mut wrong = Vec::new();
     for id in goldens.ids().iter().step_by(step) {
         let case = goldens.read(id).unwrap();
-        let phantom = common::phantom(case.recipe());
+        let phantom = common::phantom(case.source().recipe().unwrap());
         let volume = &phantom.volume;
         let scene = case.scene(volume).unwrap();
         let frame = relief_render::render_reference(volume, &scene.request).unwrap();
@@ -212,7 +212,7 @@ fn the_slanted_slabs_depth_is_a_plane() {
     let golden = case.expected(Aspect::Depth).unwrap().expect("it is blessed");
     // The front face, y = -50 mm, through the pixels' rays: origin and direction from the scene's
     // camera.
-    let phantom = common::phantom(case.recipe());
+    let phantom = common::phantom(case.source().recipe().unwrap());
     let volume = &phantom.volume;
     let camera = case.scene(volume).unwrap().request.camera;
     let [half_x, half_y] = camera.half_extent(golden.size_px);

@@ -117,7 +117,7 @@ fn one_step_passes_on_a_thousandth_of_the_pixels_and_never_unnoticed() {
 #[test]
 fn a_depth_off_by_one_sample_fails_in_every_case() {
     for (case, golden) in goldens(Aspect::Depth) {
-        let phantom = common::phantom(case.recipe());
+        let phantom = common::phantom(case.source().recipe().unwrap());
         let volume = &phantom.volume;
         let step_mm = case.scene(volume).unwrap().request.sample_distance_mm as f32;
         let hit =
@@ -230,7 +230,7 @@ fn swapped_and_mirrored_axes_of_the_volume_fail_in_every_view() {
     let mut renderer = Renderer::on_processor();
     for view in ["front", "left", "back", "right", "head", "feet", "rolled"] {
         let case = case(&format!("camera/{view}"));
-        let phantom = common::phantom(case.recipe());
+        let phantom = common::phantom(case.source().recipe().unwrap());
         let volume = &phantom.volume;
         let request = case.scene(volume).unwrap().request;
         let last = volume.grid().dims()[0] - 1;
@@ -313,7 +313,7 @@ fn a_scene_with_anything_unknown_or_out_of_range_is_refused() {
     let path = folder.join("scene.json");
     fs::write(&path, r#"{"size_px": [64, 48], "sise": 1}"#).unwrap();
     assert!(read_copied(&parent).unwrap_err().to_string().contains("sise"));
-    let ramp = common::phantom(case("composite/ramp-planes").recipe());
+    let ramp = common::phantom(case("composite/ramp-planes").source().recipe().unwrap());
     for (scene, part) in [
         (r#"{"sample_distance_mm": 0.02}"#, "four times the tolerance"), // a step would hide in the tolerance
         (r#"{"sample_distance_mm": 0}"#, "0.01 to 100"),
