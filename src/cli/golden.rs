@@ -129,7 +129,8 @@ fn init(arguments: &InitArguments) -> anyhow::Result<ExitCode> {
         write_whole(&path, text.as_bytes())?;
         say!("{}", path.display());
     }
-    let place = if dir.as_os_str() == DEFAULT_DIR { String::new() } else { format!(" --dir {}", dir.display()) };
+    let place =
+        if dir.as_os_str() == DEFAULT_DIR { String::new() } else { format!(" --dir {}", dir.display()) };
     say!("\nNext: relief golden bless --all{place}, look at the pictures, and commit the folder.");
     Ok(ExitCode::SUCCESS)
 }
@@ -158,8 +159,8 @@ fn check(arguments: &CheckArguments) -> anyhow::Result<ExitCode> {
 
 fn open_harness(adapter: &str) -> anyhow::Result<Harness> {
     let choice = if adapter.is_empty() { AdapterChoice::Software } else { AdapterChoice::parse(adapter) };
-    let renderer = Renderer::open(&choice)
-        .context("the renderer cannot start; --adapter cpu needs no driver")?;
+    let renderer =
+        Renderer::open(&choice).context("the renderer cannot start; --adapter cpu needs no driver")?;
     let harness = Harness::new(renderer);
     if harness.adapter().kind > AdapterKind::Software {
         eprintln!(

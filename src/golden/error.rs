@@ -101,6 +101,14 @@ pub enum GoldenError {
         /// Why it cannot be loaded.
         source: Box<relief_dicom::Error>,
     },
+    /// The volume file of a case.
+    #[error("the series at {}: {source}", path.display())]
+    VolumeFile {
+        /// Where it should be.
+        path: PathBuf,
+        /// Why it cannot be read.
+        source: relief_dicom::FormatError,
+    },
     /// The phantom's name.
     #[error(transparent)]
     Kind(#[from] UnknownPhantom),

@@ -53,7 +53,9 @@ impl Source {
             Self::Series { path, uid } => {
                 let failed = |source| GoldenError::Series { path: path.clone(), source: Box::new(source) };
                 if is_volume_file(path) {
-                    return Ok(read_volume(path).map_err(failed)?.volume);
+                    let found = read_volume(path);
+                    let failed = |source| GoldenError::VolumeFile { path: path.clone(), source };
+                    return Ok(found.map_err(failed)?.volume);
                 }
                 let found = discover(path, Strictness::Strict, &|_| ()).map_err(failed)?;
                 let entry = found.select(uid.as_deref()).map_err(failed)?;
@@ -90,11 +92,17 @@ impl VolumeFile {
                 if size > MAX_PHANTOM_SIZE {
                     return Err(refused("volume.size", &size, &format!("at most {MAX_PHANTOM_SIZE}")));
                 }
-                Ok(Source::Phantom(PhantomRecipe::new(phantom.parse()?).with_size(size)?.with_seed(self.seed)))
+                Ok(Source::Phantom(
+                    PhantomRecipe::new(phantom.parse()?).with_size(size)?.with_seed(self.seed),
+                ))
             }
             (None, Some(series)) => {
                 if self.size.is_some() || self.seed != 0 || self.labels {
-                    return Err(refused("volume", &"a series with size, seed or labels", "these beside phantom"));
+                    return Err(refused(
+                        "volume",
+                        &"a series with size, seed or labels",
+                        "these beside phantom",
+                    ));
                 }
                 let folder = case_file.parent().unwrap_or(Path::new("."));
                 Ok(Source::Series { path: folder.join(series), uid: self.series_uid })

@@ -7,13 +7,17 @@ use std::path::Path;
 pub fn starter_case(series: Option<&Path>) -> [(&'static str, String); 2] {
     let (purpose, volume) = match series {
         // A literal string of TOML has no escapes; one with a quote is written as a basic string.
-        Some(path) => ("The series in bone, from the front.", format!("series = {:?}", path.display().to_string())),
+        Some(path) => {
+            ("The series in bone, from the front.", format!("series = {:?}", path.display().to_string()))
+        }
         None => ("A head in bone, from the front.", "phantom = \"head\"\nsize = 64".to_owned()),
     };
     let case = format!(
         "purpose = \"{purpose}\"\n# exact: every byte; strict: rounding of another processor passes\ntolerance = \"strict\"\n\
          # color, depth (in mm) and frame (as a display takes it)\ncompare = [\"color\", \"depth\"]\n\n[volume]\n{volume}\n"
     );
-    let scene = "{ \"transfer\": \"bone\", \"size_px\": [160, 90], \"display\": { \"layout\": \"color\" } }\n".to_owned();
+    let scene =
+        "{ \"transfer\": \"bone\", \"size_px\": [160, 90], \"display\": { \"layout\": \"color\" } }\n"
+            .to_owned();
     [("case.toml", case), ("scene.json", scene)]
 }

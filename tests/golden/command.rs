@@ -308,7 +308,8 @@ fn another_project_begins_with_a_phantom_or_with_its_own_series() {
         ("series = \"x\"\nsize = 4", "these beside phantom"),
         ("seed = 4", "neither or both of phantom and series"),
     ] {
-        let text = format!("purpose = \"x\"\ntolerance = \"exact\"\ncompare = [\"color\"]\n[volume]\n{volume}\n");
+        let text =
+            format!("purpose = \"x\"\ntolerance = \"exact\"\ncompare = [\"color\"]\n[volume]\n{volume}\n");
         fs::write(&case, text).unwrap();
         let (passed, told) = run(&["check", "--dir", "pictures/ct", "--adapter", "cpu"]);
         assert!(!passed && told.contains(reason), "{reason}: {told}");
