@@ -17,7 +17,7 @@ const MAX_GEOMETRY_BYTES: u64 = 64 << 10;
 #[derive(Debug, clap::Args)]
 pub(crate) struct EyeArguments {
     /// Render for an eye at this place: mm from the middle of the screen, right, up and towards the
-    /// viewer. The display is a window; what has the disparity --offset lies in its plane
+    /// viewer. The display is a window; --screen-plane chooses the depth of its plane
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_triple, allow_hyphen_values = true, conflicts_with = "views")]
     eye_mm: Option<[f64; 3]>,
     /// Size of the display, JSON with width_mm; a 42-inch display where left out
