@@ -6,9 +6,10 @@ use std::path::Path;
 #[must_use]
 pub fn starter_case(series: Option<&Path>) -> [(&'static str, String); 2] {
     let (purpose, volume) = match series {
-        // A literal string of TOML has no escapes; one with a quote is written as a basic string.
         Some(path) => {
-            ("The series in bone, from the front.", format!("series = {:?}", path.display().to_string()))
+            // Strings of JSON are basic strings of TOML.
+            let quoted = serde_json::Value::from(path.display().to_string());
+            ("The series in bone, from the front.", format!("series = {quoted}"))
         }
         None => ("A head in bone, from the front.", "phantom = \"head\"\nsize = 64".to_owned()),
     };

@@ -51,7 +51,7 @@ pub(crate) fn read_annotations(
     })
 }
 
-/// The bytes of a file of items, and what it cannot represent.
+/// Writes items in a format: the file's bytes, and the values that the format cannot represent.
 #[pyfunction]
 pub(crate) fn write_annotations<'py>(
     py: Python<'py>,
