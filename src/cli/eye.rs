@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 
 use crate::slice::parse_triple;
+use crate::views::screen;
 use relief_display::DisplaySettings;
 use relief_render::{Mode, RenderRequest, RenderedFrame, Scene};
 use relief_tracking::DisplayGeometry;
@@ -69,16 +70,12 @@ impl ViewingEye {
     /// same planes of the patient.
     pub(crate) fn scene(&self, scene: &Scene, frame: &RenderedFrame) -> anyhow::Result<Scene> {
         let (limits, size_px) = (frame.limits_for(&scene.display)?, frame.size_px);
-        let [half_width, _] = frame.camera.half_extent(size_px);
-        let parallax = scene.display.encoder()?.parallax(size_px[0]);
-        let setup = parallax.true_views(limits, half_width, size_px[0]).context(
-            "what has the offset as its disparity is not before the eye: set near_mm and far_mm, or another offset",
-        )?;
+        let screen_mm = screen(scene, &frame.camera, limits)?.converging_mm;
         let camera = frame
             .camera
-            .seen_through_screen(size_px, setup.converging_mm, self.width_mm, self.eye_mm)
+            .seen_through_screen(size_px, screen_mm, self.width_mm, self.eye_mm)
             .context("the eye sees nothing through the screen")?;
-        let farther_mm = camera.distance_mm() - setup.converging_mm;
+        let farther_mm = camera.distance_mm() - screen_mm;
         let [near_mm, far_mm] = [limits.near_mm, limits.far_mm].map(|mm| Some(mm + farther_mm));
         Ok(Scene {
             request: RenderRequest { camera, ..scene.request.clone() },

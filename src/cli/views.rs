@@ -187,15 +187,19 @@ fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimit
     Ok(encoder.views(&picture, limits)?)
 }
 
+/// Where the plane of the screen lies before a scene's camera, and how far apart eyes are there.
+pub(super) fn screen(scene: &Scene, camera: &Camera, limits: DepthLimits) -> anyhow::Result<TrueViews> {
+    let size_px = scene.request.size_px;
+    let [half_width, _] = camera.half_extent(size_px);
+    let parallax = scene.display.encoder()?.parallax(size_px[0]);
+    let setup = parallax.true_views(limits, half_width, size_px[0]);
+    setup.context("the plane of the screen is behind the camera: set near_mm and far_mm, or another offset")
+}
+
 /// The cameras of a scene's views.
 fn cameras(scene: &Scene, middle: &Camera, limits: DepthLimits) -> anyhow::Result<(TrueViews, Vec<Camera>)> {
-    let encoder = scene.display.encoder()?;
-    let size_px = scene.request.size_px;
-    let [half_width, _] = middle.half_extent(size_px);
-    let setup = encoder.parallax(size_px[0]).true_views(limits, half_width, size_px[0]).context(
-        "what has the offset as its disparity is not before the eye: set near_mm and far_mm, or another offset",
-    )?;
-    let cameras = encoder.eyes().into_iter().map(|eye| {
+    let setup = screen(scene, middle, limits)?;
+    let cameras = scene.display.encoder()?.eyes().into_iter().map(|eye| {
         middle.seen_from_beside(eye * setup.baseline_mm, setup.converging_mm).context(
             "true views need a perspective: a parallel projection has no eye to be moved (leave --fov-deg 0 out)",
         )
