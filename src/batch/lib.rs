@@ -48,7 +48,7 @@ pub use crate::product::DEPTH_UNIT_MM;
 pub use annotations::KeptAnnotations;
 #[cfg(feature = "cluster")]
 pub use bucket::Bucket;
-pub use copies::{Copies, CopiesOptions, Local};
+pub use copies::{Copies, CopiesOptions, CopyProgress, Local};
 pub use error::{
     AnnotationsError, Failure, FailureKind, ManifestError, PlanError, SkipReason, ViewError, ViewsError,
 };

@@ -215,7 +215,7 @@ fn own_views(items: &[&Item], volume: Option<&Volume>, request: &Request) -> Vec
 fn places_in(root: &Path, copies: &Copies) -> Result<Vec<Candidate>, PlanError> {
     let unreadable = |source| PlanError::Unreadable { path: root.to_owned(), source };
     let place = |path: PathBuf| Candidate { path, uid: None, name: None, labels: None };
-    if Location::is_bucket(root) {
+    if Location::is_remote(root) {
         return Ok(copies.places(root).map_err(unreadable)?.into_iter().map(place).collect());
     }
     let (mut places, mut has_loose) = (Vec::new(), false);
@@ -275,7 +275,7 @@ fn read_table(table: &Path) -> Result<Vec<Candidate>, PlanError> {
             }
         }
         let named = |path: String| match PathBuf::from(path) {
-            path if Location::is_bucket(&path) => path,
+            path if Location::is_remote(&path) => path,
             path => folder.join(path),
         };
         places.push(Candidate {

@@ -8,13 +8,13 @@ use super::manifest::Job;
 
 impl Job {
     /// With paths below `folder`, the manifest's, relative to it, and with all others absolute.
-    /// Addresses of buckets stay.
+    /// Addresses of buckets and archives stay.
     ///
     /// # Errors
     /// When the current folder is unknown.
     pub fn relative_to(mut self, folder: &Path) -> std::io::Result<Self> {
         let folder = plain(&std::path::absolute(folder)?);
-        for path in self.paths().filter(|path| !Location::is_bucket(path)) {
+        for path in self.paths().filter(|path| !Location::is_remote(path)) {
             let absolute = plain(&std::path::absolute(&*path)?);
             *path = match absolute.strip_prefix(&folder) {
                 Ok(below) if below.as_os_str().is_empty() => PathBuf::from("."),
@@ -32,7 +32,7 @@ impl Job {
     /// When the current folder is unknown.
     pub fn resolved_in(mut self, folder: &Path) -> std::io::Result<Self> {
         let folder = std::path::absolute(folder)?;
-        for path in self.paths().filter(|path| path.is_relative() && !Location::is_bucket(path)) {
+        for path in self.paths().filter(|path| path.is_relative() && !Location::is_remote(path)) {
             let there = folder.join(&*path);
             if there.exists() {
                 *path = there;
@@ -45,7 +45,7 @@ impl Job {
     #[must_use]
     pub fn missing_paths(&mut self) -> Vec<PathBuf> {
         self.paths()
-            .filter(|path| !Location::is_bucket(path) && !path.exists())
+            .filter(|path| !Location::is_remote(path) && !path.exists())
             .map(|path| path.clone())
             .collect()
     }

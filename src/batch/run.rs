@@ -431,13 +431,7 @@ mod tests {
             }
             Some(group)
         });
-        let copies = Copies::new(CopiesOptions {
-            folder: None,
-            bytes: 0,
-            endpoint: None,
-            roots: Vec::new(),
-            isolated: None,
-        });
+        let copies = Copies::new(CopiesOptions::default());
         let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
         let shared = RunState::new(&sink, &|_| ());
         let (send, series) = sync_channel(3);

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::bail;
 
 use crate::adapter::AdapterArguments;
+use crate::bucket::CopiesArguments;
 use crate::capacity::{self, CapacityArguments};
 use crate::output::{milliseconds, print_json, say};
 use crate::scene::SceneArguments;
@@ -40,6 +41,8 @@ pub(super) struct BenchArguments {
     labels: Option<PathBuf>,
     #[command(flatten)]
     options: SeriesOptions,
+    #[command(flatten)]
+    copies: CopiesArguments,
     #[command(flatten)]
     capacity: CapacityArguments,
     #[command(flatten)]
@@ -90,6 +93,7 @@ pub(super) fn run(arguments: BenchArguments) -> anyhow::Result<ExitCode> {
         series,
         labels,
         options,
+        copies,
         capacity,
         scene,
         adapter,
@@ -98,7 +102,7 @@ pub(super) fn run(arguments: BenchArguments) -> anyhow::Result<ExitCode> {
         no_skipping,
         json,
     } = arguments;
-    let series = series.map(|series| SeriesArguments { series, labels, options });
+    let series = series.map(|series| SeriesArguments { series, labels, options, copies });
     if capacity.capacity {
         let frames = frames as usize;
         let order =

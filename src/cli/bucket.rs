@@ -1,13 +1,15 @@
-//! `s3://BUCKET/PREFIX` among options: where outputs go, and where series are.
+//! `s3://BUCKET/PREFIX` among options, where outputs go and where series are; and copies of series
+//! in buckets and archives.
 
 use std::path::PathBuf;
 
+use crate::archive::ArchiveArguments;
 use crate::memory::parse_bytes;
-use relief_batch::{Copies, CopiesOptions, IsolatedReader, Location, Sink};
+use relief_batch::{Copies, CopiesOptions, CopyProgress, IsolatedReader, Location, Sink};
 
 /// The S3 service of a bucket. Credentials are in the environment: AWS_ACCESS_KEY_ID,
 /// AWS_SECRET_ACCESS_KEY, AWS_REGION.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct BucketArguments {
     /// Address of the S3 service of s3://BUCKET, where it is not AWS: https://HOST;
     /// AWS_ENDPOINT_URL says it, too
@@ -15,16 +17,19 @@ pub(super) struct BucketArguments {
     s3_endpoint: Option<String>,
 }
 
-/// Copies of series in buckets.
+/// Copies of series in buckets and archives.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct CopiesArguments {
     #[command(flatten)]
     pub(super) bucket: BucketArguments,
-    /// Folder for copies of series in buckets, which stay there for the next time; a temporary one
-    /// where left out
+    #[command(flatten)]
+    archive: ArchiveArguments,
+    /// Folder for copies of series in buckets and archives, which stay there for the next time; a
+    /// temporary one where left out
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
-    /// Most that copies of series in buckets may take together; a series that has more is refused
+    /// Most that copies of series in buckets and archives may take together; a series that has more
+    /// is refused
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     cache_bytes: u64,
 }
@@ -45,21 +50,51 @@ impl BucketArguments {
             Location::Bucket { .. } => {
                 anyhow::bail!("this program was built without the feature `cluster`: no {name}")
             }
+            Location::Archive(_) => {
+                anyhow::bail!("outputs go into a folder or a bucket, not into a DICOM archive")
+            }
         }
     }
 }
 
 impl CopiesArguments {
     /// Copies that the caller reads.
-    pub(super) fn copies(&self) -> Copies {
-        self.copies_below(Vec::new(), None)
+    ///
+    /// # Errors
+    /// When a file of --archive-... cannot be read.
+    pub(super) fn copies(&self) -> anyhow::Result<Copies> {
+        self.copies_below(Vec::new(), None, CopyProgress::default())
+    }
+
+    /// Copies of one series that somebody waits for: progress is shown on stderr.
+    ///
+    /// # Errors
+    /// As for `copies`.
+    pub(super) fn copies_with_progress(&self) -> anyhow::Result<Copies> {
+        let bar = crate::source::RetrievalBar::default();
+        self.copies_below(Vec::new(), None, CopyProgress::new(move |done, all| bar.report(done, all)))
     }
 
     /// Copies that `isolated` reads. Paths must lie below one of the roots; without roots, all are
     /// allowed.
-    pub(super) fn copies_below(&self, roots: Vec<Location>, isolated: Option<IsolatedReader>) -> Copies {
-        let (folder, bytes) = (self.cache.clone(), self.cache_bytes);
-        let endpoint = self.bucket.s3_endpoint.clone();
-        Copies::new(CopiesOptions { folder, bytes, endpoint, roots, isolated })
+    ///
+    /// # Errors
+    /// As for `copies`.
+    pub(super) fn copies_below(
+        &self,
+        roots: Vec<Location>,
+        isolated: Option<IsolatedReader>,
+        progress: CopyProgress,
+    ) -> anyhow::Result<Copies> {
+        Ok(Copies::new(CopiesOptions {
+            folder: self.cache.clone(),
+            bytes: self.cache_bytes,
+            endpoint: self.bucket.s3_endpoint.clone(),
+            roots,
+            isolated,
+            #[cfg(feature = "cluster")]
+            archives: self.archive.access()?,
+            progress,
+        }))
     }
 }

@@ -7,6 +7,7 @@
 mod adapter;
 mod annotate;
 mod annotated;
+mod archive;
 mod audit;
 mod batch;
 mod bench;
@@ -31,6 +32,7 @@ mod plot;
 mod presets;
 mod preview;
 mod quilt;
+mod remote;
 mod render;
 mod scene;
 mod serve;

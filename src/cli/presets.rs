@@ -9,8 +9,10 @@ use anyhow::bail;
 use serde_json::json;
 
 use crate::adapter::AdapterArguments;
+use crate::bucket::CopiesArguments;
 use crate::output::{print_json, say, write_whole};
-use crate::source::{SeriesOptions, load};
+use crate::remote;
+use crate::source::SeriesOptions;
 use crate::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
 use relief_render::{RenderedFrame, Subject, preset_json};
@@ -42,6 +44,8 @@ pub(super) struct PresetsArguments {
     series: Option<PathBuf>,
     #[command(flatten)]
     options: SeriesOptions,
+    #[command(flatten)]
+    copies: CopiesArguments,
     #[command(flatten)]
     adapter: AdapterArguments,
     /// Print one JSON object
@@ -161,7 +165,10 @@ fn thumbnails(arguments: &PresetsArguments, folder: &Path) -> anyhow::Result<Exi
 fn volume(arguments: &PresetsArguments) -> anyhow::Result<Volume> {
     let SeriesOptions { series_uid, strict, downsample } = &arguments.options;
     match &arguments.series {
-        Some(path) => Ok(load(path, &arguments.options)?.volume),
+        Some(path) => {
+            let (copies, options) = (&arguments.copies, &arguments.options);
+            Ok(remote::load_after(path, copies, options, |_| Ok(()))?.0.volume)
+        }
         None if series_uid.is_some() || *strict || *downsample > 1 => {
             bail!("--series-uid, --strict and --downsample are about a series; give one with --series PATH")
         }

@@ -1,4 +1,5 @@
-//! `--series` and its companions: what render, bench and serve share to load a volume.
+//! `--series` and its companions: what render, bench and serve share to load a volume. Series of
+//! buckets and archives: see `remote`.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -9,9 +10,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::bucket::CopiesArguments;
 use crate::labels;
 use crate::memory::available_bytes;
 use crate::output::milliseconds;
+use crate::remote;
 use relief_dicom::{Discovery, LoadLimits, Loaded, Progress, SeriesEntry, Stage, Strictness, Warning};
 
 use relief_volume::{Grid, LabelMap};
@@ -19,8 +22,9 @@ use relief_volume::{Grid, LabelMap};
 /// A CT series to load.
 #[derive(Debug, clap::Args)]
 pub(super) struct SeriesArguments {
-    /// CT series: a folder, a file, a DICOMDIR or a zip; or a volume in HU as .nii, .nii.gz or
-    /// .nrrd
+    /// CT series: a folder, a file, a DICOMDIR or a zip; a volume in HU as .nii, .nii.gz or .nrrd;
+    /// or of a bucket, s3://BUCKET/PREFIX, or a DICOM archive,
+    /// dicomweb+https://HOST/ROOT/studies/UID/series/UID
     #[arg(long, value_name = "PATH")]
     pub(super) series: PathBuf,
     /// Segments of the series: a label map as .nii, .nii.gz, .nrrd or .seg.nrrd, or a DICOM
@@ -29,6 +33,8 @@ pub(super) struct SeriesArguments {
     pub(super) labels: Option<PathBuf>,
     #[command(flatten)]
     pub(super) options: SeriesOptions,
+    #[command(flatten)]
+    pub(super) copies: CopiesArguments,
 }
 
 /// How to choose and load a series.
@@ -51,7 +57,7 @@ impl SeriesArguments {
         &self,
         before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
     ) -> anyhow::Result<(Loaded, T)> {
-        load_after(&self.series, &self.options, before)
+        remote::load_after(&self.series, &self.copies, &self.options, before)
     }
 
     /// Loads the label map onto the grid of the series, if one is given.
@@ -165,33 +171,48 @@ impl Default for Reporter {
     }
 }
 
+/// Progress of a retrieval from an archive.
+#[derive(Default)]
+pub(super) struct RetrievalBar(Reporter);
+
+impl RetrievalBar {
+    /// So many of all files have arrived.
+    pub(super) fn report(&self, done: usize, all: usize) {
+        self.0.report_as("retrieving slices", done, all);
+    }
+}
+
 impl Reporter {
     fn report(&self, Progress { stage, done, total }: Progress) {
-        self.log_quarter(stage, done, total);
+        self.report_as(verb(stage), done, total);
+    }
+
+    fn report_as(&self, verb: &'static str, done: usize, total: usize) {
+        self.log_quarter(verb, done, total);
         let Ok(mut bar) = self.bar.lock() else { return };
-        let bar = bar.get_or_insert_with(|| new_bar(stage, total));
+        let bar = bar.get_or_insert_with(|| new_bar(verb, total));
         bar.inc(1);
         if bar.position() >= total as u64 {
             bar.finish_and_clear();
         }
     }
 
-    fn log_quarter(&self, stage: Stage, done: usize, total: usize) {
+    fn log_quarter(&self, verb: &str, done: usize, total: usize) {
         if std::io::stderr().is_terminal() || self.started.elapsed() < WORTH_TELLING {
             return;
         }
         let quarter = done * 4 / total.max(1);
         if self.quarters.fetch_max(quarter, Ordering::Relaxed) < quarter {
-            tracing::info!("{}: {done} of {total}", verb(stage));
+            tracing::info!("{verb}: {done} of {total}");
         }
     }
 }
 
 /// Draws on a terminal only; a series that loads at once shows nothing.
-fn new_bar(stage: Stage, total: usize) -> ProgressBar {
+fn new_bar(verb: &'static str, total: usize) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(10));
     let style = ProgressStyle::with_template("{prefix} {bar:40} {pos}/{len} {eta}");
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())).with_prefix(verb(stage))
+    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())).with_prefix(verb)
 }
 
 fn verb(stage: Stage) -> &'static str {

@@ -1,4 +1,4 @@
-//! Fetches a listing of a bucket into a copy.
+//! Fetches a listing of a bucket into a copy; for archives see `retrieved`.
 
 use std::collections::HashMap;
 use std::io::{Error, ErrorKind};
@@ -8,17 +8,19 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 use data_encoding::HEXLOWER;
 use sha2::{Digest, Sha256};
 
-use super::shelf::CopyFolder;
+use super::shelf::{CopyFolder, Draft, WantedCopy};
 use super::{Copies, Local};
 use crate::bucket::{Bucket, Object};
 use crate::location::{Location, SERIES_ENDINGS};
 use crate::output_file::OutputFile;
+use relief_archive::Archive;
 
-/// The folder, and the buckets that were opened.
+/// The folder, and the buckets and archives that were opened.
 #[derive(Debug, Default)]
 pub(super) struct State {
     shelf: Option<CopyFolder>,
     buckets: HashMap<String, Arc<Bucket>>,
+    pub(super) archives: HashMap<String, Arc<Archive>>,
 }
 
 /// Endings that no slice has.
@@ -71,8 +73,8 @@ impl Copies {
         if objects.is_empty() {
             return Err(nothing());
         }
-        let (needed, allowed) =
-            (objects.iter().fold(0u64, |sum, object| sum.saturating_add(object.size)), self.options.bytes);
+        let needed = objects.iter().fold(0, |sum: u64, object| sum.saturating_add(object.size));
+        let allowed = self.options.bytes;
         if needed > allowed {
             let reason = format!(
                 "its objects have {needed} bytes, and copies of series may have {allowed}; allow more with --cache-bytes"
@@ -84,26 +86,22 @@ impl Copies {
         // One at a time: two would not know of each other's bytes.
         let mut state = self.lock();
         let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
-        let (folder, held) = match shelf.find(&name, objects.len()) {
-            Some(found) => found,
-            None => {
-                let fetched = shelf.add(&name, objects.len(), needed, allowed, |folder| {
-                    let wanted: Vec<(Object, PathBuf)> = objects
-                        .iter()
-                        .enumerate()
-                        .map(|(number, object)| (object.clone(), folder.join(file_name(number, object))))
-                        .collect();
-                    let hashes = opened.fetch(&wanted)?;
-                    let written = wanted.iter().zip(hashes).map(|((object, path), sha256)| OutputFile {
-                        file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-                        sha256,
-                        bytes: object.size,
-                    });
-                    Ok(written.collect())
-                });
-                fetched.map_err(of_this_machine)?
-            }
+        let fetch = |draft: &Draft<'_>| {
+            draft.reserve(needed)?;
+            let place = |(number, object): (usize, &Object)| {
+                (object.clone(), draft.folder().join(file_name(number, object)))
+            };
+            let wanted: Vec<(Object, PathBuf)> = objects.iter().enumerate().map(place).collect();
+            let hashes = opened.fetch(&wanted)?;
+            let written = wanted.iter().zip(hashes).map(|((object, path), sha256)| OutputFile {
+                file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                sha256,
+                bytes: object.size,
+            });
+            Ok(written.collect())
         };
+        let wanted = WantedCopy { name: &name, files: objects.len(), allowed, resumes: false };
+        let (folder, held) = shelf.find_or_add(&wanted, fetch).map_err(of_this_machine)?;
         let path = if is_one { folder.join(file_name(0, &objects[0])) } else { folder };
         Ok(Local { path, held: Some(Arc::new(held)), isolated: self.options.isolated.clone() })
     }
@@ -131,13 +129,13 @@ impl Copies {
     }
 
     /// The value is whole between statements.
-    fn lock(&self) -> MutexGuard<'_, State> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl State {
-    fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
+    pub(super) fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
         if self.shelf.is_none() {
             self.shelf = Some(CopyFolder::open(folder)?);
         }
@@ -156,7 +154,7 @@ fn file_name(number: usize, object: &Object) -> String {
 }
 
 /// A failure of this machine's folder says nothing about the series: a later try may succeed.
-fn of_this_machine(error: Error) -> Error {
+pub(super) fn of_this_machine(error: Error) -> Error {
     match error.kind() {
         ErrorKind::NotFound | ErrorKind::InvalidInput => Error::other(error),
         _ => error,

@@ -1,7 +1,8 @@
-//! Series that lie in buckets, as copies in a folder of this machine: of bounded size, each whole
-//! or absent.
+//! Series that lie in buckets and archives, as copies in a folder of this machine: of bounded size,
+//! each whole or absent.
 //!
-//! A copy is identified by its listing: names, sizes and tags of its objects. It is verified by the
+//! A copy is identified by its listing: names, sizes and tags of its objects, or the UIDs of its
+//! instances. It is verified by the
 //! hashes of its files at every use, and fetched again if it has changed; the least recently used
 //! copies are removed first. Several programs may share a folder: readers hold a lock on a copy.
 //!
@@ -9,6 +10,8 @@
 
 #[cfg(feature = "cluster")]
 mod fetched;
+#[cfg(feature = "cluster")]
+mod retrieved;
 #[cfg(feature = "cluster")]
 mod shelf;
 
@@ -20,7 +23,7 @@ use super::isolation::IsolatedReader;
 use super::location::Location;
 
 /// How copies are kept.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct CopiesOptions {
     /// Where; a temporary folder that goes with the last user of these copies where none is named.
     pub folder: Option<PathBuf>,
@@ -32,9 +35,18 @@ pub struct CopiesOptions {
     pub roots: Vec<Location>,
     /// Reads copies in child processes; this process reads them if absent.
     pub isolated: Option<IsolatedReader>,
+    /// What archives are shown.
+    #[cfg(feature = "cluster")]
+    pub archives: relief_archive::ArchiveAccess,
+    /// Is notified while a series of an archive is retrieved.
+    pub progress: CopyProgress,
 }
 
-/// Copies of series in buckets.
+/// Is notified of the number of files that have arrived, and of all.
+#[derive(Clone, Default)]
+pub struct CopyProgress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
+
+/// Copies of series in buckets and archives.
 #[derive(Clone, Debug)]
 pub struct Copies {
     options: CopiesOptions,
@@ -49,6 +61,24 @@ pub struct Local {
     /// The lock of a copy.
     held: Option<Arc<std::fs::File>>,
     isolated: Option<IsolatedReader>,
+}
+
+impl CopyProgress {
+    /// Calls `notify` with the number of files that have arrived, and of all.
+    pub fn new(notify: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(notify)))
+    }
+
+    #[cfg(feature = "cluster")]
+    fn report(&self, done: usize, all: usize) {
+        self.0.iter().for_each(|notify| notify(done, all));
+    }
+}
+
+impl std::fmt::Debug for CopyProgress {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("CopyProgress").field(&self.0.is_some()).finish()
+    }
 }
 
 impl Local {
@@ -75,8 +105,9 @@ impl Copies {
         }
     }
 
-    /// The files that a path leads to: itself, or where it is `s3://BUCKET/KEY`, a copy of the
-    /// object or of all that lies below. Must not be called inside an executor.
+    /// The files that a path leads to: itself; where it is `s3://BUCKET/KEY`, a copy of the object
+    /// or of all that lies below; where it is the address of an archive, a copy of its series. Must
+    /// not be called inside an executor.
     ///
     /// # Errors
     /// When there is nothing, or more than copies may have; the service does not answer or refuses;
@@ -91,14 +122,16 @@ impl Copies {
             Location::Local(path) => Ok(Local { path, held: None, isolated: None }),
             #[cfg(feature = "cluster")]
             Location::Bucket { bucket, prefix } => self.copy(&bucket, &prefix),
+            #[cfg(feature = "cluster")]
+            Location::Archive(address) => self.retrieve(&address),
             #[cfg(not(feature = "cluster"))]
-            Location::Bucket { .. } => Err(no_buckets()),
+            Location::Bucket { .. } | Location::Archive(_) => Err(no_buckets()),
         }
     }
 
     /// The places below a prefix of a bucket that may contain series: every folder, zip and volume
     /// file directly below it; or the prefix itself, if it is one object or contains slices
-    /// directly. Sorted by name.
+    /// directly. Sorted by name. Of an archive, the addresses of the series that match.
     ///
     /// # Errors
     /// When there is nothing, or the service does not answer or refuses.
@@ -107,8 +140,10 @@ impl Copies {
             Location::Local(path) => Ok(vec![path]),
             #[cfg(feature = "cluster")]
             Location::Bucket { bucket, prefix } => self.places_in(&bucket, &prefix),
+            #[cfg(feature = "cluster")]
+            Location::Archive(address) => self.places_in_archive(&address),
             #[cfg(not(feature = "cluster"))]
-            Location::Bucket { .. } => Err(no_buckets()),
+            Location::Bucket { .. } | Location::Archive(_) => Err(no_buckets()),
         }
     }
 }
@@ -121,7 +156,7 @@ fn is_below(location: &Location, roots: &[Location]) -> std::io::Result<bool> {
             let path = path.canonicalize()?;
             let is_in = |root: &Location| match root {
                 Location::Local(root) => root.canonicalize().is_ok_and(|root| path.starts_with(root)),
-                Location::Bucket { .. } => false,
+                Location::Bucket { .. } | Location::Archive(_) => false,
             };
             Ok(roots.iter().any(is_in))
         }
@@ -133,8 +168,12 @@ fn is_below(location: &Location, roots: &[Location]) -> std::io::Result<bool> {
                         root.is_empty() || rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
                     name == bucket && rest.is_some() && is_whole
                 }
-                Location::Local(_) => false,
+                Location::Local(_) | Location::Archive(_) => false,
             };
+            Ok(roots.iter().any(is_in))
+        }
+        Location::Archive(address) => {
+            let is_in = |root: &Location| matches!(root, Location::Archive(root) if root.contains(address));
             Ok(roots.iter().any(is_in))
         }
     }
@@ -148,7 +187,7 @@ fn location(path: &Path) -> std::io::Result<Location> {
 fn no_buckets() -> Error {
     Error::new(
         ErrorKind::InvalidInput,
-        "this program was built without the feature `cluster`: it reads no buckets",
+        "this program was built without the feature `cluster`: it reads no buckets and no archives",
     )
 }
 
@@ -170,8 +209,7 @@ mod tests {
         assert!(!is_in(&other) && !is_in(&root.join("link")) && !is_in(&root.join("../other")));
         assert!(is_in(Path::new("s3://archive/ct/one")) && is_in(Path::new("s3://archive/ct")));
         assert!(!is_in(Path::new("s3://archive/ctx")) && !is_in(Path::new("s3://other/ct/one")));
-        let options =
-            CopiesOptions { folder: None, bytes: 0, endpoint: None, roots: roots.to_vec(), isolated: None };
+        let options = CopiesOptions { roots: roots.to_vec(), ..CopiesOptions::default() };
         let refused = Copies::new(options).local(&other).unwrap_err();
         assert_eq!(refused.kind(), ErrorKind::InvalidInput);
     }

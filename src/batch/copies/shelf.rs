@@ -2,16 +2,19 @@
 //!
 //! A copy is a folder named after the hash of its listing. It has `files/`, and `contents.json`
 //! with their hashes, which readers lock. A copy in the making and one in removal have other names;
-//! the next program removes those that a killed program left. A program that makes or removes
-//! copies holds the lock of the folder, so that all programs together keep within its size. Reading
-//! needs no such lock.
+//! the next program removes those that a killed program left, except parts of a copy that can be
+//! completed: they are kept until their room is needed. A program that makes or removes copies
+//! holds the lock of the folder, so that all programs together keep within its size. Reading needs
+//! no such lock.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 use rayon::prelude::*;
+use tempfile::TempDir;
 
 use crate::output_file::OutputFile;
 use relief_base::read_at_most;
@@ -19,6 +22,10 @@ use relief_base::sha256_of_file;
 
 /// Beginning of the names of those that are being made or removed.
 const UNDER_WAY: &str = ".relief-copy-";
+/// Beginning of the names of those that a later fetch completes.
+const INCOMPLETE: &str = ".relief-part-";
+/// Bytes by which a growing copy reserves room.
+const STEP: u64 = 32 << 20;
 /// The lock of the folder.
 const KEEPER: &str = ".relief-lock";
 /// The lock of a temporary folder, held as long as its program runs.
@@ -34,7 +41,29 @@ const LARGEST: u64 = 64 << 20;
 pub(super) struct CopyFolder {
     folder: PathBuf,
     /// Removes it when dropped, and marks it as used until then.
-    _temporary: Option<(tempfile::TempDir, File)>,
+    _temporary: Option<(TempDir, File)>,
+}
+
+/// A copy that is to be made.
+#[derive(Debug)]
+pub(super) struct WantedCopy<'a> {
+    /// The hash of its listing.
+    pub(super) name: &'a str,
+    /// Number of its files.
+    pub(super) files: usize,
+    /// Bytes that all copies together may have.
+    pub(super) allowed: u64,
+    /// Whether a later fetch completes what an interrupted one left.
+    pub(super) resumes: bool,
+}
+
+/// A copy in the making.
+#[derive(Debug)]
+pub(super) struct Draft<'a> {
+    shelf: &'a CopyFolder,
+    wanted: &'a WantedCopy<'a>,
+    folder: PathBuf,
+    reserved: Mutex<u64>,
 }
 
 /// A copy that could go.
@@ -62,7 +91,7 @@ impl CopyFolder {
     }
 
     /// The files of a copy and its lock, if the copy exists and is intact.
-    pub(super) fn find(&self, name: &str, files: usize) -> Option<(PathBuf, File)> {
+    fn find(&self, name: &str, files: usize) -> Option<(PathBuf, File)> {
         let folder = self.folder.join(name);
         let lock = File::open(folder.join(CONTENTS)).ok()?;
         lock.lock_shared().ok()?;
@@ -84,44 +113,63 @@ impl CopyFolder {
         None
     }
 
-    /// Creates a copy with the given numbers of files and bytes, which `fetch` puts into a folder.
-    /// It appears when it is complete. A copy that another program has created meanwhile is used; a
-    /// damaged one is replaced.
-    pub(super) fn add(
+    /// The files of a copy and its lock; it is created if it does not exist.
+    pub(super) fn find_or_add(
         &self,
-        name: &str,
-        files: usize,
-        needed: u64,
-        allowed: u64,
-        fetch: impl FnOnce(&Path) -> std::io::Result<Vec<OutputFile>>,
+        wanted: &WantedCopy<'_>,
+        fetch: impl FnOnce(&Draft<'_>) -> std::io::Result<Vec<OutputFile>>,
+    ) -> std::io::Result<(PathBuf, File)> {
+        match self.find(wanted.name, wanted.files) {
+            Some(found) => Ok(found),
+            None => self.add(wanted, fetch),
+        }
+    }
+
+    /// Creates a copy, which `fetch` puts into a folder. It appears when it is complete. A copy that
+    /// another program has created meanwhile is used; a damaged one is replaced.
+    fn add(
+        &self,
+        wanted: &WantedCopy<'_>,
+        fetch: impl FnOnce(&Draft<'_>) -> std::io::Result<Vec<OutputFile>>,
     ) -> std::io::Result<(PathBuf, File)> {
         std::fs::create_dir_all(&self.folder)?; // it may have been cleared away
         let keeper = File::create(self.folder.join(KEEPER))?;
         keeper.lock()?;
-        if let Some(found) = self.find(name, files) {
+        if let Some(found) = self.find(wanted.name, wanted.files) {
             return Ok(found);
         }
-        let folder = self.folder.join(name);
+        let folder = self.folder.join(wanted.name);
         if self.remove(&folder) {
-            tracing::warn!("a copy of a series in a bucket was altered, and is fetched again");
+            tracing::warn!("the copy of a series was altered, and is fetched again");
         }
-        self.make_room(needed, allowed)?;
-        let made = tempfile::Builder::new().prefix(UNDER_WAY).tempdir_in(&self.folder)?;
-        std::fs::create_dir(made.path().join(FILES))?;
-        let written = fetch(&made.path().join(FILES))?;
-        let mut lock = File::create_new(made.path().join(CONTENTS))?;
+        let (made, _temporary) = self.draft_folder(wanted)?;
+        std::fs::create_dir_all(made.join(FILES))?;
+        let draft = Draft { shelf: self, wanted, folder: made.join(FILES), reserved: Mutex::new(0) };
+        let written = fetch(&draft)?;
+        let mut lock = File::create(made.join(CONTENTS))?;
         lock.write_all(&serde_json::to_vec(&written)?)?;
         lock.sync_all()?;
         lock.lock_shared()?;
-        std::fs::rename(made.path(), &folder)?;
-        drop(made.keep());
+        std::fs::rename(&made, &folder)?;
         Ok((folder.join(FILES), lock))
     }
 
-    /// Removes unused copies, least recently used first, until this many bytes are free. Needs the
-    /// folder's lock.
-    fn make_room(&self, needed: u64, allowed: u64) -> std::io::Result<()> {
+    /// Where a copy is made, and what removes it when dropped. A copy that cannot be completed later
+    /// gets a new folder.
+    fn draft_folder(&self, wanted: &WantedCopy<'_>) -> std::io::Result<(PathBuf, Option<TempDir>)> {
+        if wanted.resumes {
+            return Ok((self.folder.join(format!("{INCOMPLETE}{}", wanted.name)), None));
+        }
+        let made = tempfile::Builder::new().prefix(UNDER_WAY).tempdir_in(&self.folder)?;
+        Ok((made.path().to_owned(), Some(made)))
+    }
+
+    /// Removes unused copies, least recently used first, until this many bytes are free for a copy.
+    /// Needs the folder's lock.
+    fn make_room(&self, name: &str, needed: u64, allowed: u64) -> std::io::Result<()> {
+        let own = self.folder.join(format!("{INCOMPLETE}{name}"));
         let mut known = self.known()?;
+        known.retain(|copy| copy.folder != own);
         known.sort_by_key(|copy| copy.used);
         let mut used = known.iter().fold(0u64, |sum, copy| sum.saturating_add(copy.bytes));
         for copy in &known {
@@ -154,6 +202,10 @@ impl CopyFolder {
                 let _ = std::fs::remove_dir_all(&folder);
                 continue;
             }
+            if name.starts_with(INCOMPLETE) {
+                known.push(incomplete(folder));
+                continue;
+            }
             // Others may keep other things here.
             let is_copy = name.len() == 64 && name.bytes().all(|digit| digit.is_ascii_hexdigit());
             if !is_copy {
@@ -182,6 +234,42 @@ impl CopyFolder {
         // First it is no copy any more, then it is gone.
         !is_in_use && std::fs::rename(folder, &gone).and_then(|()| std::fs::remove_dir_all(&gone)).is_ok()
     }
+}
+
+impl Draft<'_> {
+    /// The folder that the files go into.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Makes room for a copy of this size; as the copy grows, it may be called again.
+    pub(super) fn reserve(&self, bytes: u64) -> std::io::Result<()> {
+        let mut reserved = self.reserved.lock().unwrap_or_else(PoisonError::into_inner);
+        if bytes <= *reserved {
+            return Ok(());
+        }
+        let allowed = self.wanted.allowed;
+        if bytes > allowed {
+            let reason = format!(
+                "it has {bytes} bytes or more, and copies of series may have {allowed}; allow more with --cache-bytes"
+            );
+            return Err(Error::new(ErrorKind::InvalidInput, reason));
+        }
+        // In steps, because the folder is read each time.
+        let wanted = if *reserved == 0 { bytes } else { allowed.min(bytes + STEP) };
+        self.shelf.make_room(self.wanted.name, wanted, allowed)?;
+        *reserved = wanted;
+        Ok(())
+    }
+}
+
+/// What a program left of a copy that can be completed.
+fn incomplete(folder: PathBuf) -> KnownCopy {
+    let files = std::fs::read_dir(folder.join(FILES)).into_iter().flatten().flatten();
+    let sizes = files.filter_map(|file| file.metadata().ok()).map(|found| found.len());
+    let bytes = sizes.fold(0, u64::saturating_add);
+    let used = std::fs::metadata(folder.join(FILES)).and_then(|found| found.modified());
+    KnownCopy { bytes, used: used.unwrap_or(SystemTime::UNIX_EPOCH), folder }
 }
 
 /// Removes temporary folders of programs that were killed.

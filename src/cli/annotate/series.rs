@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use super::super::bucket::CopiesArguments;
+use super::super::remote;
 use super::super::source::{self, SeriesOptions};
 use relief_annotation::FrameOfReference;
+use relief_batch::Location;
 use relief_dicom::{Loaded, SeriesReference, Strictness};
 
 use relief_volume::Grid;
@@ -11,13 +14,15 @@ use relief_volume::Grid;
 /// The series that items belong to.
 #[derive(Debug, clap::Args)]
 pub(super) struct SeriesArguments {
-    /// The series that items belong to: a folder, a file, a DICOMDIR or a zip; or a volume as .nii,
-    /// .nii.gz or .nrrd
+    /// The series that items belong to: a folder, a file, a DICOMDIR or a zip; a volume as .nii,
+    /// .nii.gz or .nrrd; or the address of one in a bucket or a DICOM archive
     #[arg(long, value_name = "PATH")]
     series: Option<PathBuf>,
     /// Which series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID", requires = "series")]
     series_uid: Option<String>,
+    #[command(flatten)]
+    copies: CopiesArguments,
 }
 
 /// What annotations need of a series.
@@ -36,8 +41,13 @@ impl SeriesArguments {
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
         let uid = self.series_uid.as_deref();
+        let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
+        if Location::is_remote(path) {
+            let (loaded, ()) = remote::load_after(path, &self.copies, &options, |_| Ok(()))?;
+            let reference = loaded.reference.clone().map(std::sync::Arc::unwrap_or_clone);
+            return Ok(Some(Series::of(&loaded, reference)));
+        }
         if relief_dicom::is_volume_file(path) {
-            let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
             return Ok(Some(Series::of(&source::load(path, &options)?, None)));
         }
         let found = source::discover(path, Strictness::Lenient)?;

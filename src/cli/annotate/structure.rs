@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::super::source::{self, SeriesArguments};
+use super::super::source::SeriesArguments;
 use super::log_options::{ByArguments, Log};
 use relief_annotation::{
     Change, ContentId, Edit, FrameOfReference, Geometry, Item, ItemId, Method, Placement, Versioned,
@@ -36,7 +36,7 @@ pub(super) struct Scan {
 
 impl Scan {
     pub(super) fn load(series: &SeriesArguments) -> anyhow::Result<Self> {
-        let loaded = source::load(&series.series, &series.options)?;
+        let (loaded, ()) = series.load_after(|_| Ok(()))?;
         let uid = loaded.identity.frame_of_reference().map(str::to_owned);
         // Without a UID: derived from the content of the volume.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));

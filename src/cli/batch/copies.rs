@@ -1,16 +1,16 @@
-//! Options of batches for series in buckets: copies, and the process that reads them.
+//! Options of batches for series in buckets and archives: copies, and the process that reads them.
 
 use crate::bucket::CopiesArguments;
 use crate::isolation::Isolation;
-use relief_batch::{Copies, Location};
+use relief_batch::{Copies, CopyProgress, Location};
 
-/// Series in buckets.
+/// Series in buckets and archives.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct BucketSeriesArguments {
     #[command(flatten)]
     pub(super) copies: CopiesArguments,
-    /// Where series of buckets are read: in a child process without rights to files, network and
-    /// programs, or in this process
+    /// Where series of buckets and archives are read: in a child process without rights to files,
+    /// network and programs, or in this process
     #[arg(long, value_enum, default_value_t = Isolation::DEFAULT)]
     isolation: Isolation,
 }
@@ -33,6 +33,6 @@ impl BucketSeriesArguments {
             #[cfg(not(target_os = "linux"))]
             Isolation::On => anyhow::bail!(crate::isolation::NEEDS_LINUX),
         };
-        Ok(self.copies.copies_below(roots, isolated))
+        self.copies.copies_below(roots, isolated, CopyProgress::default())
     }
 }

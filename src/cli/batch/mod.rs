@@ -154,7 +154,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
         .with_context(|| format!("cannot write the report of {out}"))?;
     match out {
         Location::Local(folder) => say!("{}", folder.join(REPORT).display()),
-        Location::Bucket { .. } => say!("{out}/{REPORT}"),
+        Location::Bucket { .. } | Location::Archive(_) => say!("{out}/{REPORT}"),
     }
     Ok(ExitCode::SUCCESS)
 }

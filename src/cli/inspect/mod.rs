@@ -1,5 +1,8 @@
-//! `relief inspect`: describes a series, a 2D-plus-depth frame, a film of frames or a panel, and reports errors.
+//! `relief inspect`: describes a series, a 2D-plus-depth frame, a film of frames, a panel or what a
+//! DICOM archive has, and reports errors.
 
+#[cfg(feature = "cluster")]
+mod archive;
 mod film;
 pub(crate) mod frame;
 mod panel;
@@ -12,6 +15,7 @@ use std::process::ExitCode;
 use data_encoding::HEXLOWER;
 use serde::Serialize;
 
+use crate::archive::ArchiveArguments;
 use crate::output::say;
 use crate::{output, source};
 use relief_base::printable;
@@ -20,18 +24,21 @@ use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 /// Describe a CT series, or decode 2D-plus-depth frames, and report errors
 ///
 /// A film is decoded by ffmpeg, and each of its frames is checked. A .json file is a panel with
-/// lenses, also the calibration of a Looking Glass.
+/// lenses, also the calibration of a Looking Glass. Of a DICOM archive, the series that match are
+/// listed, each with the address that --series takes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   relief inspect chest
   relief inspect frame.png --json
   relief inspect session.mkv
-  relief inspect panel.json")]
+  relief inspect panel.json
+  relief inspect 'dicomweb+https://ct-server/dicom-web?PatientID=4711&Modality=CT' --archive-login-file login")]
 pub(super) struct InspectArguments {
     /// CT series (folder, file, DICOMDIR or zip), a 2D-plus-depth frame (PNG), a film of frames (.mkv,
-    /// .mp4 and others) or a panel (.json)
-    #[arg(value_name = "SERIES|FRAME.png|FILM|PANEL.json")]
+    /// .mp4 and others), a panel (.json) or a DICOM archive (dicomweb+https://HOST/ROOT, with
+    /// /studies/UID or ?ATTRIBUTE=VALUE if wanted)
+    #[arg(value_name = "SERIES|FRAME.png|FILM|PANEL.json|ARCHIVE")]
     path: PathBuf,
     /// Print one JSON object
     #[arg(long)]
@@ -42,6 +49,11 @@ pub(super) struct InspectArguments {
     /// The ffmpeg that decodes films
     #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
+    /// Show names and ids of patients in the list of an archive
+    #[arg(long)]
+    show_patient_data: bool,
+    #[command(flatten)]
+    archive: ArchiveArguments,
 }
 
 #[derive(Debug, Serialize)]
@@ -68,6 +80,11 @@ struct SeriesReport {
 
 #[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
+    #[cfg(feature = "cluster")]
+    if let Some(address) = archive_address(&arguments.path)? {
+        let InspectArguments { archive, show_patient_data, json, .. } = &arguments;
+        return archive::run(&address, &archive.access()?, *show_patient_data, *json);
+    }
     if is_png(&arguments.path) {
         return frame::run(&arguments.path, arguments.json);
     }
@@ -90,6 +107,13 @@ pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The address of an archive, if the path is one.
+#[cfg(feature = "cluster")]
+fn archive_address(path: &Path) -> anyhow::Result<Option<relief_archive::ArchiveAddress>> {
+    let text = path.to_str().filter(|text| text.starts_with(relief_archive::SCHEME));
+    Ok(text.map(str::parse).transpose()?)
 }
 
 /// By its signature, since frames are often served and saved without extension.

@@ -21,18 +21,19 @@ use relief_session::LoadedVolume;
 pub(crate) struct SeriesLocation {
     path: PathBuf,
     labels: Option<PathBuf>,
-    /// Of several below a prefix of a bucket: the prefix, which of them it is, and of how many.
+    /// Of several below a prefix of a bucket or in an archive: the prefix, which of them it is, and of how many.
     among: Option<(PathBuf, usize, usize)>,
 }
 
-/// The locations of series, in the order of the options; those in buckets are listed. A missing
+/// The locations of series, in the order of the options; those in buckets and archives are
+/// listed. A missing
 /// location is an error.
 pub(crate) fn places(
     series: &[PathBuf],
     labels: &[PathBuf],
     copies: &Copies,
 ) -> anyhow::Result<Vec<SeriesLocation>> {
-    for path in series.iter().filter(|path| !Location::is_bucket(path)).chain(labels) {
+    for path in series.iter().filter(|path| !Location::is_remote(path)).chain(labels) {
         // Checked before any series is opened, because loading takes long.
         std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
     }
@@ -43,13 +44,14 @@ pub(crate) fn places(
     let mut places = Vec::new();
     let labels = labels.iter().cloned().map(Some).chain(std::iter::repeat(None));
     for (path, labels) in series.iter().zip(labels) {
-        if !Location::is_bucket(path) {
+        if !Location::is_remote(path) {
             places.push(SeriesLocation { path: path.clone(), labels, among: None });
             continue;
         }
-        let found = copies.places(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let found =
+            copies.places(path).with_context(|| format!("cannot read {}", Location::public_name(path)))?;
         if labels.is_some() && found.len() > 1 {
-            bail!("--labels are of one series, and {} has {}", path.display(), found.len());
+            bail!("--labels are of one series, and {} has {}", Location::public_name(path), found.len());
         }
         let count = found.len();
         places.extend(found.into_iter().zip(1..).map(|(found, number)| SeriesLocation {
@@ -62,14 +64,14 @@ pub(crate) fn places(
 }
 
 impl SeriesLocation {
-    /// The name for messages: below a prefix of a bucket a number, because names there may be those
-    /// of patients.
+    /// The name for messages: below a prefix of a bucket and in an archive a number, because names
+    /// there may be those of patients.
     fn name(&self) -> String {
         match &self.among {
             Some((prefix, number, count)) if *count > 1 => {
-                format!("{number} of {count} below {}", prefix.display())
+                format!("{number} of {count} below {}", Location::public_name(prefix))
             }
-            Some((prefix, ..)) => prefix.display().to_string(),
+            Some((prefix, ..)) => Location::public_name(prefix),
             None => self.path.display().to_string(),
         }
     }

@@ -7,7 +7,7 @@ mod faults;
 mod identity;
 mod load;
 mod readers;
-mod series;
+pub(crate) mod series;
 
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -57,6 +57,7 @@ Examples:
   relief serve --series head --annotations head.db
   relief serve --series chest --series head --listen 127.0.0.1:0
   relief serve --series s3://archive/ct --cache /var/cache/relief     series of a bucket; AWS_... have credentials and endpoint
+  relief serve --series 'dicomweb+https://ct-server/dicom-web?PatientID=4711'     series of a DICOM archive
   relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
@@ -65,8 +66,10 @@ Examples:
 Another address than loopback needs to know who calls: --token-file (see relief token), client certificates, a trusted proxy, or
 --insecure.")]
 pub(super) struct ServeArguments {
-    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; or s3://BUCKET/PREFIX: each
-    /// folder, zip, .nii and .nrrd below it; may be given several times
+    /// CT series to serve: a folder, a file, a DICOMDIR or a zip; s3://BUCKET/PREFIX: each folder,
+    /// zip, .nii and .nrrd below it; or the address of a DICOM archive,
+    /// dicomweb+https://HOST/ROOT/studies/UID or ...?ATTRIBUTE=VALUE: each CT series that matches;
+    /// may be given several times
     #[arg(long, value_name = "PATH")]
     series: Vec<PathBuf>,
     /// Label map of the series in the same place: of the first --series, of the second, ...
@@ -150,7 +153,7 @@ enum Uploads {
 }
 
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
-    let copies = arguments.copies.copies();
+    let copies = arguments.copies.copies()?;
     let places = places(&arguments.series, &arguments.labels, &copies)?;
     let admission = arguments.identity.admission(arguments.listen)?;
     let audit = arguments.identity.audit()?;

@@ -1,0 +1,126 @@
+//! What goes wrong between a client and an archive.
+
+use std::path::PathBuf;
+
+/// A failed request to an archive. No message has a UID, a query or an answer of the archive.
+#[derive(Debug, thiserror::Error)]
+pub enum ArchiveError {
+    /// A file of a secret or of certificates cannot be read.
+    #[error("cannot read {}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A file has other content than expected.
+    #[error("{} must have {expected}", path.display())]
+    Secret {
+        /// The file.
+        path: PathBuf,
+        /// The content that it must have.
+        expected: &'static str,
+    },
+    /// A file has certificates that cannot be used.
+    #[error("the certificates in {} cannot be used", path.display())]
+    Certificate {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        #[source]
+        source: reqwest::Error,
+    },
+    /// Token or password have letters that a header cannot have.
+    #[error("the archive's token or password has letters that HTTP cannot send")]
+    Credentials,
+    /// The client cannot be made.
+    #[error("cannot prepare connections to the archive")]
+    Client(#[source] reqwest::Error),
+    /// The archive cannot be reached, or the connection broke.
+    #[error("the archive {archive} does not answer; is its address right, and does it run?")]
+    Unreachable {
+        /// The root of its services.
+        archive: String,
+        /// The reason, without the address.
+        #[source]
+        source: reqwest::Error,
+    },
+    /// The archive wants another identity.
+    #[error(
+        "the archive {archive} refuses access (status {status}); give --archive-login-file, --archive-token-file or --archive-identity"
+    )]
+    Refused {
+        /// The root of its services.
+        archive: String,
+        /// HTTP status.
+        status: u16,
+    },
+    /// Nothing matches.
+    #[error("the archive {archive} has no such {wanted}")]
+    Missing {
+        /// The root of its services.
+        archive: String,
+        /// What was wanted.
+        wanted: &'static str,
+    },
+    /// The archive answers with a failure.
+    #[error("the archive {archive} answers with status {status}")]
+    Status {
+        /// The root of its services.
+        archive: String,
+        /// HTTP status.
+        status: u16,
+    },
+    /// An answer is not what DICOMweb prescribes.
+    #[error(
+        "the archive {archive} sends {found} where {expected} is expected; is this the root of its DICOMweb services?"
+    )]
+    Answer {
+        /// The root of its services.
+        archive: String,
+        /// What it sent.
+        found: &'static str,
+        /// What is prescribed.
+        expected: &'static str,
+    },
+    /// An answer is larger than allowed.
+    #[error("the archive {archive} sends more than {allowed} {unit}")]
+    TooLarge {
+        /// The root of its services.
+        archive: String,
+        /// The limit.
+        allowed: u64,
+        /// The unit of the limit.
+        unit: &'static str,
+    },
+    /// The objects cannot be written.
+    #[error(transparent)]
+    Write(#[from] std::io::Error),
+}
+
+impl ArchiveError {
+    /// Whether the same request may succeed a moment later.
+    pub(crate) fn is_passing(&self) -> bool {
+        match self {
+            Self::Unreachable { .. } => true,
+            Self::Status { status, .. } => matches!(status, 408 | 425 | 429 | 500 | 502 | 503 | 504),
+            _ => false,
+        }
+    }
+}
+
+/// The kind tells whether another try may help: not for `NotFound` and `InvalidInput`.
+impl From<ArchiveError> for std::io::Error {
+    fn from(error: ArchiveError) -> Self {
+        use std::io::ErrorKind;
+        let kind = match error {
+            ArchiveError::Write(error) => return error,
+            ArchiveError::Missing { .. } => ErrorKind::NotFound,
+            ArchiveError::Refused { .. } => ErrorKind::PermissionDenied,
+            ArchiveError::TooLarge { .. } | ArchiveError::Secret { .. } => ErrorKind::InvalidInput,
+            _ => ErrorKind::Other,
+        };
+        Self::new(kind, error)
+    }
+}

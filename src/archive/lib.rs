@@ -1,0 +1,35 @@
+//! DICOM archives: search (QIDO-RS), retrieval (WADO-RS) and storage (STOW-RS) by DICOMweb,
+//! PS3.18.
+//!
+//! An [`ArchiveAddress`] names an archive, and what is wanted of it: a study, a series, or the
+//! matches of a query. An [`Archive`] is a client of one. Retrieval writes the objects as they are
+//! stored; it does not read them.
+//!
+//! Addresses and answers have UIDs, and answers have names of patients. No error and no log line
+//! has any of these.
+
+#[cfg(feature = "client")]
+mod access;
+mod address;
+#[cfg(feature = "client")]
+mod client;
+#[cfg(feature = "client")]
+mod error;
+#[cfg(feature = "client")]
+mod part;
+#[cfg(feature = "client")]
+mod retrieve;
+#[cfg(feature = "client")]
+mod search;
+
+#[cfg(feature = "client")]
+pub use access::{ArchiveAccess, Credentials};
+pub use address::{AddressError, ArchiveAddress, SCHEME};
+#[cfg(feature = "client")]
+pub use client::Archive;
+#[cfg(feature = "client")]
+pub use error::ArchiveError;
+#[cfg(feature = "client")]
+pub use retrieve::Retrieved;
+#[cfg(feature = "client")]
+pub use search::FoundSeries;

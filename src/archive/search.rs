@@ -1,0 +1,177 @@
+//! Search by QIDO-RS: the series that match an address, and the instances of a series.
+
+use std::collections::BTreeSet;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::address::ArchiveAddress;
+use crate::client::Archive;
+use crate::error::ArchiveError;
+
+/// Matches that one answer may have.
+const PAGE: usize = 1_000;
+/// Most series of one search.
+const MOST_SERIES: usize = 10_000;
+/// Most instances of one series.
+const MOST_INSTANCES: usize = 200_000;
+/// Largest answer, bytes.
+const LARGEST_ANSWER: u64 = 64 << 20;
+const JSON: &str = "application/dicom+json";
+
+/// A series that an archive has. Its texts come from the archive and may name the patient.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FoundSeries {
+    /// UID of its study.
+    pub study_uid: String,
+    /// Its UID.
+    pub series_uid: String,
+    /// Such as CT.
+    pub modality: String,
+    /// Date of the study, YYYYMMDD; empty if unknown.
+    pub study_date: String,
+    /// Name of the patient.
+    pub patient_name: String,
+    /// Id of the patient.
+    pub patient_id: String,
+    /// Description of the study.
+    pub study_description: String,
+    /// Description of the series.
+    pub description: String,
+    /// Body part, as the scanner calls it.
+    pub body_part: String,
+    /// Number of its instances, if the archive knows it.
+    pub instances: Option<u64>,
+}
+
+/// Attributes that are wanted beside those that a search always returns.
+const FIELDS: [&str; 4] =
+    ["SeriesDescription", "StudyDescription", "BodyPartExamined", "NumberOfSeriesRelatedInstances"];
+
+impl Archive {
+    /// The series that match an address, by date of the study, study and series.
+    ///
+    /// # Errors
+    /// When the archive does not answer, refuses, or answers with anything but a list of series.
+    pub fn series(&self, address: &ArchiveAddress) -> Result<Vec<FoundSeries>, ArchiveError> {
+        let path = match address.study() {
+            Some(study) => format!("/studies/{study}/series"),
+            None => "/series".to_owned(),
+        };
+        let mut query: Vec<(&str, &str)> =
+            address.query().iter().map(|(name, value)| (&**name, &**value)).collect();
+        query.extend(address.series().map(|series| ("SeriesInstanceUID", series)));
+        query.extend(FIELDS.map(|field| ("includefield", field)));
+        let found = self.runtime.block_on(self.all(&path, &query, "0020000E", MOST_SERIES, "series"))?;
+        let mut series: Vec<FoundSeries> =
+            found.iter().filter_map(|attributes| FoundSeries::of(attributes, address)).collect();
+        series.sort_by(|a, b| {
+            let key =
+                |one: &FoundSeries| (one.study_date.clone(), one.study_uid.clone(), one.series_uid.clone());
+            key(a).cmp(&key(b))
+        });
+        Ok(series)
+    }
+
+    /// The UIDs of the instances of a series, sorted.
+    ///
+    /// # Errors
+    /// As for [`Archive::series`], and when there are none.
+    pub(crate) fn instances(&self, study: &str, series: &str) -> Result<Vec<String>, ArchiveError> {
+        let path = format!("/studies/{study}/series/{series}/instances");
+        let found = self.runtime.block_on(self.all(&path, &[], "00080018", MOST_INSTANCES, "series"))?;
+        let uids: BTreeSet<String> =
+            found.iter().filter_map(|attributes| uid(attributes, "00080018")).collect();
+        match uids.is_empty() {
+            true => Err(self.missing("series")),
+            false => Ok(uids.into_iter().collect()),
+        }
+    }
+
+    /// All matches, page by page. Archives that ignore `offset` send one page again and again: a
+    /// page without a new `key` is the last one.
+    async fn all(
+        &self,
+        path: &str,
+        query: &[(&str, &str)],
+        key: &str,
+        most: usize,
+        wanted: &'static str,
+    ) -> Result<Vec<Map<String, Value>>, ArchiveError> {
+        let (mut found, mut known) = (Vec::new(), BTreeSet::new());
+        let mut offset = 0;
+        loop {
+            let [limit, at] = [PAGE.to_string(), offset.to_string()];
+            let paged = [query, &[("limit", &*limit), ("offset", &*at)]].concat();
+            let page = self.tried(async || self.page(path, &paged, wanted).await).await?;
+            let (count, before) = (page.len(), found.len());
+            found.extend(page.into_iter().filter(|attributes| match uid(attributes, key) {
+                Some(uid) => known.insert(uid),
+                None => false,
+            }));
+            if found.len() > most {
+                return Err(self.too_large(most as u64, "matches; narrow the query"));
+            }
+            if count == 0 || found.len() == before {
+                return Ok(found);
+            }
+            offset += count;
+        }
+    }
+
+    async fn page(
+        &self,
+        path: &str,
+        query: &[(&str, &str)],
+        wanted: &'static str,
+    ) -> Result<Vec<Map<String, Value>>, ArchiveError> {
+        let response = self.get(path, query, JSON, wanted).await?;
+        if response.status() == reqwest::StatusCode::NO_CONTENT {
+            return Ok(Vec::new());
+        }
+        let body = self.body(response, LARGEST_ANSWER).await?;
+        serde_json::from_slice(&body).map_err(|_| self.answer("something else", "a list in DICOM's JSON"))
+    }
+}
+
+impl FoundSeries {
+    /// A match without usable UIDs is left out: it cannot be retrieved.
+    fn of(attributes: &Map<String, Value>, address: &ArchiveAddress) -> Option<Self> {
+        let study = uid(attributes, "0020000D").or_else(|| address.study().map(str::to_owned))?;
+        let series_uid = uid(attributes, "0020000E")?;
+        let one = |tag: &str| text(attributes, tag);
+        Some(Self {
+            study_uid: study,
+            series_uid,
+            modality: one("00080060"),
+            study_date: one("00080020"),
+            patient_name: one("00100010"),
+            patient_id: one("00100020"),
+            study_description: one("00081030"),
+            description: one("0008103E"),
+            body_part: one("00180015"),
+            instances: one("00201209").parse().ok(),
+        })
+    }
+}
+
+/// The first value of an attribute in DICOM's JSON (PS3.18, annex F), or nothing.
+fn text(attributes: &Map<String, Value>, tag: &str) -> String {
+    let value = attributes.get(tag).and_then(|attribute| attribute.get("Value")).and_then(|all| all.get(0));
+    match value {
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Number(number)) => number.to_string(),
+        Some(Value::Object(name)) => {
+            name.get("Alphabetic").and_then(Value::as_str).unwrap_or_default().to_owned()
+        }
+        _ => String::new(),
+    }
+}
+
+/// A UID that can be part of an address.
+fn uid(attributes: &Map<String, Value>, tag: &str) -> Option<String> {
+    let uid = text(attributes, tag);
+    let is_uid =
+        (1..=64).contains(&uid.len()) && uid.bytes().all(|letter| letter.is_ascii_digit() || letter == b'.');
+    is_uid.then_some(uid)
+}
