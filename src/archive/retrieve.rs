@@ -3,12 +3,13 @@
 //! Each instance is a request of its own. An instance whose connection breaks is requested again,
 //! and those that a folder already has are not: a retrieval that was interrupted goes on.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use futures_util::{StreamExt, TryStreamExt, stream};
 use reqwest::header::CONTENT_TYPE;
-use tokio::io::AsyncWriteExt;
 
 use crate::client::Archive;
 use crate::error::ArchiveError;
@@ -16,6 +17,8 @@ use crate::part::PartReader;
 
 /// Instances that are retrieved at a time.
 const AT_ONCE: usize = 6;
+/// Bytes that are gathered before they are written.
+const WRITTEN_AT_ONCE: usize = 256 << 10;
 /// As stored, whatever the transfer syntax.
 const STORED: &str = "multipart/related; type=\"application/dicom\"; transfer-syntax=*";
 /// The mark of DICOM files, behind a preamble of 128 bytes.
@@ -80,7 +83,7 @@ impl Archive {
         let (bytes, done) = (AtomicU64::new(0), AtomicU64::new(0));
         let one = async |number: usize| {
             let path = folder.join(Retrieved::file_name(number));
-            if let Ok(found) = tokio::fs::metadata(&path).await {
+            if let Ok(found) = std::fs::metadata(&path) {
                 reserve(bytes.fetch_add(found.len(), Ordering::Relaxed) + found.len())?;
             } else {
                 let grow = |more: u64| reserve(bytes.fetch_add(more, Ordering::Relaxed) + more);
@@ -109,10 +112,10 @@ impl Archive {
         let outcome = self.instance_into(wanted, number, &partial, grow, &mut written).await;
         if outcome.is_err() {
             shrink(written);
-            let _ = tokio::fs::remove_file(&partial).await;
+            let _ = std::fs::remove_file(&partial);
             return outcome;
         }
-        Ok(tokio::fs::rename(&partial, path).await?)
+        Ok(std::fs::rename(&partial, path)?)
     }
 
     async fn instance_into(
@@ -127,7 +130,8 @@ impl Archive {
         let path = format!("/studies/{study}/series/{series}/instances/{}", instances[number]);
         let mut response = self.get(&path, &[], STORED, "instance").await?;
         let mut part = self.part(&response)?;
-        let mut file = tokio::fs::File::create(partial).await?;
+        // Writing waits in place: nothing else runs on this client's threads.
+        let mut file = BufWriter::with_capacity(WRITTEN_AT_ONCE, File::create(partial)?);
         let mut beginning = Vec::new();
         while let Some(chunk) = self.chunk(&mut response).await? {
             let bytes = match &mut part {
@@ -139,9 +143,9 @@ impl Archive {
             }
             grow(bytes.len() as u64)?;
             *written += bytes.len() as u64;
-            file.write_all(&bytes).await?;
+            file.write_all(&bytes)?;
         }
-        file.flush().await?;
+        file.flush()?;
         let is_whole = part.as_ref().is_none_or(PartReader::is_done);
         if !is_whole || beginning.get(128..) != Some(MARK) {
             return Err(self.answer("something else", "a DICOM file"));

@@ -25,7 +25,9 @@ pub(super) fn load_after<T>(
         return source::load_after(path, options, before);
     }
     let about = || format!("cannot load {}", Location::public_name(path));
-    let local = copies.copies_with_progress()?.local(path).with_context(about)?;
+    // A temporary folder of copies lives as long as these.
+    let copies = copies.copies_with_progress()?;
+    let local = copies.local(path).with_context(about)?;
     let reader = of_buckets(Isolation::DEFAULT)?;
     let (before, prepared) = (RefCell::new(Some(before)), RefCell::new(None));
     let wanted = |dims| {
