@@ -5,7 +5,7 @@
 # Sets VK_DRIVER_FILES to the pinned software driver, LD_LIBRARY_PATH to the libraries unpacked with it, and
 # RELIEF_PEERS_PYTHON to the Python that has the peers, RELIEF_CWIID to libcwiid, RELIEF_SLICER to a folder for PYTHONPATH with
 # 3D Slicer's core, RELIEF_OHIF to OHIF's reader, RELIEF_DICOM_TOOLS to dsrdump and dciodvfy, RELIEF_SLURM to Slurm's programs, RELIEF_NATS_SERVER,
-# RELIEF_MOTO and RELIEF_NGINX to those of scripts/setup-services; of scripts/setup-ipopt it sets
+# RELIEF_MOTO, RELIEF_NGINX and RELIEF_ORTHANC (a folder of programs) to those of scripts/setup-services; of scripts/setup-ipopt it sets
 # what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
@@ -66,6 +66,9 @@ if [ -f "$relief_root/.relief/services/stamp" ]; then
 fi
 if [ -f "$relief_root/.relief/nginx/stamp" ]; then
     export RELIEF_NGINX="$relief_root/.relief/nginx/bin/nginx"
+fi
+if [ -f "$relief_root/.relief/orthanc/stamp" ]; then
+    export RELIEF_ORTHANC="$relief_root/.relief/orthanc/bin"
 fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"

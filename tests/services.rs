@@ -2,6 +2,7 @@
 //!
 //! One program for all of them, because linking takes longer than most of its tests.
 
+mod archive;
 mod batch;
 mod browser;
 mod client;

@@ -12,4 +12,4 @@ mod buckets;
 mod capacity;
 mod compose;
 mod failure;
-mod stage;
+pub(crate) mod stage;

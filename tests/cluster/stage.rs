@@ -133,7 +133,7 @@ impl Cluster {
 
 /// A free port followed by free ports. They lie below the range from which systems assign ports,
 /// because an assigned one could be taken before it is used.
-fn free_ports() -> u16 {
+pub(crate) fn free_ports() -> u16 {
     const FIRST: u32 = 20_000;
     const RUNS: u32 = 1500;
     static GIVEN: AtomicU32 = AtomicU32::new(0);

@@ -1,0 +1,172 @@
+//! Archives that misbehave: clear errors, bounded memory and disk, and nothing lost.
+
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::stand_in::{StandIn, reply, write_head};
+use crate::cluster::stage::{phantom, relief};
+use crate::common::child;
+
+const JSON: &str = "application/dicom+json";
+const SERIES: &str = "/studies/1.2/series/3.4";
+/// Most memory that a listing or a retrieval may take, MiB.
+const MOST_MIB: u64 = 400;
+
+/// The list of one series, or of instances `1.1`, `1.2` and so on.
+fn listed(tag: &str, uids: impl Iterator<Item = String>) -> Vec<u8> {
+    let one = |uid: String| {
+        serde_json::json!({
+            "0020000D": { "vr": "UI", "Value": ["1.2"] }, "00080060": { "vr": "CS", "Value": ["CT"] },
+            tag: { "vr": "UI", "Value": [uid] },
+        })
+    };
+    serde_json::to_vec(&uids.map(one).collect::<Vec<_>>()).unwrap()
+}
+
+fn part_of(file: &[u8]) -> Vec<u8> {
+    [b"--x\r\nContent-Type: application/dicom\r\n\r\n", file, b"\r\n--x--\r\n"].concat()
+}
+
+const PART: &str = "multipart/related; type=\"application/dicom\"; boundary=x";
+
+fn failed(command: &mut Command) -> String {
+    let ended = child::run(command.env("NO_PROXY", "*"), MOST_MIB);
+    assert!(!ended.status.success(), "{}", ended.stdout);
+    ended.stderr
+}
+
+fn render(address: &str, out: &Path) -> Command {
+    let mut command = relief(&[
+        "render", "--series", address, "--preset", "bone", "--size", "64x48", "--layout", "color", "--out",
+    ]);
+    command.arg(out);
+    command
+}
+
+fn files_of(series: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = walkdir::WalkDir::new(series)
+        .into_iter()
+        .map(Result::unwrap)
+        .filter(|entry| entry.file_type().is_file())
+        .map(walkdir::DirEntry::into_path)
+        .collect();
+    files.sort();
+    files
+}
+
+/// Serves a series of files, but its first answers for the list and for each instance fail: one is
+/// refused, the next breaks off.
+fn unreliable(files: Vec<Vec<u8>>) -> StandIn {
+    let tries: Vec<AtomicUsize> = (0..=files.len()).map(|_| AtomicUsize::new(0)).collect();
+    StandIn::start(move |path, stream| {
+        let number = path.rsplit_once("/instances/1.").map(|(_, number)| number.parse::<usize>().unwrap());
+        let (kind, body) = match number {
+            Some(number) => (PART, part_of(&files[number])),
+            None => (JSON, listed("00080018", (0..files.len()).map(|number| format!("1.{number}")))),
+        };
+        let tried = tries[number.map_or(files.len(), |number| number)].fetch_add(1, Ordering::Relaxed);
+        match tried {
+            0 => reply(stream, "503 Service Unavailable", "text/plain", b"later"),
+            1 => {
+                write_head(stream, "200 OK", kind, body.len())?;
+                stream.write_all(&body[..body.len() / 2])
+            }
+            _ => reply(stream, "200 OK", kind, &body),
+        }
+    })
+}
+
+/// Invariant: A retrieval survives answers of an archive that fail or break off.
+#[test]
+fn answers_that_fail_or_break_off_are_requested_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path(), "sphere");
+    let slices = files_of(&series).into_iter().filter(|file| file.extension().is_some_and(|it| it == "dcm"));
+    let files: Vec<Vec<u8>> = slices.map(|file| std::fs::read(file).unwrap()).collect();
+    let count = files.len();
+    let archive = unreliable(files);
+    let [local, remote] = ["local.png", "remote.png"].map(|name| folder.path().join(name));
+    for (address, out) in [(series.to_str().unwrap(), &local), (&*archive.address(SERIES), &remote)] {
+        let made = render(address, out).env("NO_PROXY", "*").output().unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    }
+    assert!(std::fs::read(local).unwrap() == std::fs::read(remote).unwrap());
+    let instances = archive.requests().iter().filter(|path| path.contains("/instances/")).count();
+    assert_eq!(instances, 3 * count);
+}
+
+fn endless(stream: &mut TcpStream, kind: &str, begin: &[u8]) -> std::io::Result<()> {
+    write_head(stream, "200 OK", kind, usize::MAX / 2)?;
+    stream.write_all(begin)?;
+    loop {
+        stream.write_all(&[b' '; 1 << 16])?;
+    }
+}
+
+/// Invariant: An archive cannot make a client take more memory or disk than allowed.
+#[test]
+fn endless_answers_end_in_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let archive = StandIn::start(|path, stream| match path.ends_with("/instances") {
+        true => {
+            reply(stream, "200 OK", JSON, &listed("00080018", (0..3).map(|number| format!("1.{number}"))))
+        }
+        false if path.contains("/instances/") => endless(stream, PART, b"--x\r\n\r\n"),
+        false => endless(stream, JSON, b"["),
+    });
+    let said = failed(&mut relief(&["inspect", &archive.address("")]));
+    assert!(said.contains("sends more than 67108864 bytes"), "{said}");
+    let (cache, out) = (folder.path().join("cache"), folder.path().join("out.png"));
+    let mut command = render(&archive.address(SERIES), &out);
+    let said = failed(command.args(["--cache-bytes", "8MiB", "--cache"]).arg(&cache));
+    assert!(said.contains("--cache-bytes") && !said.contains("1.2"), "{said}");
+    let left: u64 = files_of(&cache).iter().map(|file| file.metadata().unwrap().len()).sum();
+    assert!(left <= 8 << 20 && !out.exists(), "{left} bytes");
+}
+
+/// Invariant: A client follows no redirect of an archive, which could lead its login elsewhere.
+#[test]
+fn redirects_are_not_followed() {
+    let elsewhere = StandIn::start(|_, stream| reply(stream, "200 OK", JSON, b"[]"));
+    let target = elsewhere.address("").replace("dicomweb+", "");
+    let archive = StandIn::start(move |_, stream| {
+        write!(
+            stream,
+            "HTTP/1.1 302 Found\r\nLocation: {target}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+        )
+    });
+    let said = failed(&mut relief(&["inspect", &archive.address("")]));
+    assert!(said.contains("status 302"), "{said}");
+    assert_eq!(elsewhere.requests(), [""; 0]);
+}
+
+/// Invariant: Answers that are not what DICOMweb prescribes end in an error that says so.
+#[test]
+fn answers_of_other_servers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.png");
+    let deep = vec![b'['; 1 << 20];
+    for body in [b"<html>".to_vec(), b"{}".to_vec(), b"[1]".to_vec(), deep] {
+        let archive = StandIn::start(move |_, stream| reply(stream, "200 OK", JSON, &body));
+        let said = failed(&mut relief(&["inspect", &archive.address("")]));
+        assert!(said.contains("DICOM's JSON"), "{said}");
+    }
+    let none = StandIn::start(|_, stream| reply(stream, "404 Not Found", "text/plain", b"1.2"));
+    let said = failed(&mut render(&none.address(SERIES), &out));
+    assert!(said.contains("no such series") && !said.contains("1.2"), "{said}");
+    for (kind, body) in [
+        ("text/html", b"<html>".to_vec()),
+        (PART, part_of(b"no file of DICOM")),
+        (PART, b"--x\r\n\r\nwithout an end".to_vec()),
+    ] {
+        let archive = StandIn::start(move |path, stream| match path.ends_with("/instances") {
+            true => reply(stream, "200 OK", JSON, &listed("00080018", ["1.1".to_owned()].into_iter())),
+            false => reply(stream, "200 OK", kind, &body),
+        });
+        let said = failed(&mut render(&archive.address(SERIES), &out));
+        assert!(said.contains("is expected") && !out.exists(), "{said}");
+    }
+}
