@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bytes::Bytes;
-use reqwest::header::ACCEPT;
+use reqwest::header::{ACCEPT, CONTENT_TYPE};
 use reqwest::{Client, Response, StatusCode, Url};
 use tokio::runtime::Runtime;
 
@@ -92,6 +92,19 @@ impl Archive {
         }
         let request = self.client.get(url).header(ACCEPT, accepted);
         self.successful(request.send().await.map_err(|error| self.unreachable(error))?, wanted)
+    }
+
+    /// Sends a body to a resource below the root; the answer, whatever its status.
+    pub(crate) async fn post(
+        &self,
+        path: &str,
+        kind: &str,
+        accepted: &str,
+        body: Bytes,
+    ) -> Result<Response, ArchiveError> {
+        let request = self.client.post(format!("{}{path}", self.base));
+        let request = request.header(ACCEPT, accepted).header(CONTENT_TYPE, kind).body(body);
+        request.send().await.map_err(|error| self.unreachable(error))
     }
 
     pub(crate) fn successful(

@@ -21,6 +21,8 @@ mod part;
 mod retrieve;
 #[cfg(feature = "client")]
 mod search;
+#[cfg(feature = "client")]
+mod store;
 
 #[cfg(feature = "client")]
 pub use access::{ArchiveAccess, Credentials};
@@ -33,3 +35,5 @@ pub use error::ArchiveError;
 pub use retrieve::Retrieved;
 #[cfg(feature = "client")]
 pub use search::FoundSeries;
+#[cfg(feature = "client")]
+pub use store::{OutgoingObject, StoreOutcome};

@@ -16,8 +16,8 @@ const MOST_SERIES: usize = 10_000;
 /// Most instances of one series.
 const MOST_INSTANCES: usize = 200_000;
 /// Largest answer, bytes.
-const LARGEST_ANSWER: u64 = 64 << 20;
-const JSON: &str = "application/dicom+json";
+pub(crate) const LARGEST_ANSWER: u64 = 64 << 20;
+pub(crate) const JSON: &str = "application/dicom+json";
 
 /// A series that an archive has. Its texts come from the archive and may name the patient.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -119,7 +119,7 @@ impl Archive {
         }
     }
 
-    async fn page(
+    pub(crate) async fn page(
         &self,
         path: &str,
         query: &[(&str, &str)],

@@ -23,7 +23,7 @@ pub(super) struct CopiesArguments {
     #[command(flatten)]
     pub(super) bucket: BucketArguments,
     #[command(flatten)]
-    archive: ArchiveArguments,
+    pub(super) archive: ArchiveArguments,
     /// Folder for copies of series in buckets and archives, which stay there for the next time; a
     /// temporary one where left out
     #[arg(long, value_name = "DIR")]

@@ -35,6 +35,8 @@ mod quilt;
 mod remote;
 mod render;
 mod scene;
+#[cfg(feature = "cluster")]
+mod send;
 mod serve;
 mod slice;
 mod source;
@@ -100,6 +102,8 @@ enum Command {
     DecodeWorker,
     Token(token::TokenArguments),
     Audit(audit::AuditArguments),
+    #[cfg(feature = "cluster")]
+    Send(send::SendArguments),
     Batch(batch::BatchArguments),
     Golden(golden::GoldenArguments),
     Doctor(doctor::DoctorArguments),
@@ -137,6 +141,8 @@ pub fn main() -> ExitCode {
         #[cfg(target_os = "linux")]
         Command::DecodeWorker => unreachable!("it has returned above"),
         Command::Annotate(arguments) => annotate::run(&arguments),
+        #[cfg(feature = "cluster")]
+        Command::Send(arguments) => send::run(&arguments),
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),

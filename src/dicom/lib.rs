@@ -25,6 +25,7 @@
 
 mod attributes;
 mod batches;
+mod capture;
 mod charset;
 mod codec;
 mod codestream;
@@ -41,6 +42,7 @@ mod identity;
 mod jpeg_dct;
 mod load;
 mod object;
+mod outgoing;
 mod part10;
 mod pixels;
 mod progress;
@@ -61,10 +63,12 @@ mod write;
 
 pub use crate::progress::Progress;
 pub use crate::progress::Stage;
+pub use capture::{CaptureError, CaptureOptions, CapturedPicture, write_capture};
 pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, load, load_within};
+pub use outgoing::{ObjectIdentity, read_identity};
 pub use reference::{SeriesReference, deidentified_uid};
 pub use segmentation::{
     LoadedLayers, LoadedSegmentation, load_segmentation, read_segmentation, read_segmentation_layers,
