@@ -151,6 +151,7 @@ fn put_identity(
     put(object, tags::SERIES_DESCRIPTION, VR::LO, &description);
     put(object, tags::INSTANCE_NUMBER, VR::IS, &number);
     put(object, tags::CONVERSION_TYPE, VR::CS, "WSD");
+    put(object, tags::LATERALITY, VR::CS, "");
     put(object, tags::PATIENT_ORIENTATION, VR::CS, "");
     put(object, tags::BURNED_IN_ANNOTATION, VR::CS, "YES");
     put(object, tags::RECOGNIZABLE_VISUAL_FEATURES, VR::CS, "YES");

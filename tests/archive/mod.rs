@@ -7,5 +7,6 @@
 
 mod faults;
 mod orthanc;
+mod results;
 mod series;
 mod stand_in;

@@ -1,6 +1,6 @@
 //! A stand-in for an archive, whose answers a test writes.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 
@@ -44,11 +44,22 @@ impl StandIn {
     }
 }
 
-/// The path of a request, without its query.
+/// The path of a request, without its query; its body is read.
 fn requested(stream: &TcpStream) -> Option<String> {
-    let mut lines = BufReader::new(stream).lines();
+    let mut reader = BufReader::new(stream);
+    let mut lines = reader.by_ref().lines();
     let first = lines.next()?.ok()?;
-    while !lines.next()?.ok()?.is_empty() {}
+    let mut length = 0;
+    loop {
+        let line = lines.next()?.ok()?.to_ascii_lowercase();
+        if line.is_empty() {
+            break;
+        }
+        if let Some(value) = line.strip_prefix("content-length:") {
+            length = value.trim().parse().ok()?;
+        }
+    }
+    std::io::copy(&mut reader.take(length), &mut std::io::sink()).ok()?;
     Some(first.split(' ').nth(1)?.split('?').next()?.to_owned())
 }
 

@@ -1,0 +1,122 @@
+//! Reports, segmentations and pictures in Orthanc: read back by others, and stored once.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+
+use super::orthanc::{Orthanc, Wanted};
+use super::stand_in::{StandIn, reply};
+use crate::cluster::stage::{phantom, relief};
+
+fn succeeded(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Landmarks and structures of a phantom as a report and a segmentation, and two pictures of it.
+fn results(folder: &Path, series: &Path) -> Vec<PathBuf> {
+    let log = folder.join("ann.db");
+    let annotate = |arguments: &[&str], paths: &[&Path]| {
+        let mut command = relief(&["annotate", "--db"]);
+        succeeded(
+            &command.arg(&log).args(arguments).args(paths).arg("--series").arg(series).output().unwrap(),
+        )
+    };
+    annotate(&["import"], &[&series.join("landmarks.csv")]);
+    annotate(&["import"], &[&series.join("labels.seg.nrrd")]);
+    let [report, regions] = ["report.dcm", "regions.dcm"].map(|name| folder.join(name));
+    annotate(&["export", "--format", "sr", "--out"], &[&report]);
+    annotate(&["export", "--format", "seg", "--out"], &[&regions]);
+    let pictures = ["0", "40"].map(|azimuth| {
+        let out = folder.join(format!("{azimuth}.png"));
+        let mut render = relief(&["render", "--preset", "bone", "--layout", "color", "--size", "64x48"]);
+        render.args(["--azimuth-deg", azimuth, "--series"]).arg(series).arg("--out").arg(&out);
+        succeeded(&render.output().unwrap());
+        out
+    });
+    [report, regions].into_iter().chain(pictures).collect()
+}
+
+/// The errors of dciodvfy about an object; `None` after saying aloud that it is not there.
+fn dciodvfy(file: &Path) -> Option<Vec<String>> {
+    let Some(tools) = std::env::var_os("RELIEF_DICOM_TOOLS") else {
+        eprintln!("SKIPPED: objects of pictures (RELIEF_DICOM_TOOLS is not set, see scripts/setup-peers)");
+        return None;
+    };
+    let output = Command::new(PathBuf::from(tools).join("dciodvfy")).arg("-new").arg(file).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("SCImage"), "{said}");
+    Some(said.lines().filter(|line| line.starts_with("Error")).map(str::to_owned).collect())
+}
+
+/// Invariant: Reports, segmentations and pictures that are stored in a DICOM archive are read back
+/// by others as they were, and a repeated storage stores nothing.
+#[test]
+fn results_are_stored_once_and_read_back_by_others() {
+    let Some(orthanc) = Orthanc::start("results in an archive", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path(), "head");
+    orthanc.store(&series);
+    let files = results(folder.path(), &series);
+    let to = orthanc.address("");
+    let send = |files: &[PathBuf], more: &[&str]| -> Vec<String> {
+        let mut command = orthanc.relief(&["send", "--to", &to, "--json", "--series"]);
+        let sent = command.arg(&series).args(files).args(more).output().unwrap();
+        let sent: Vec<Value> = serde_json::from_str(&succeeded(&sent)).unwrap();
+        sent.iter().map(|one| one["outcome"].as_str().unwrap().to_owned()).collect()
+    };
+    let object = folder.path().join("turntable.dcm");
+    assert_eq!(send(&files, &[]), ["stored"; 4]);
+    assert_eq!(send(&files[2..], &["--multi-frame", "--out", object.to_str().unwrap()]), ["stored"]);
+    assert_eq!(send(&files, &[]), ["already there"; 4]);
+    if let Some(errors) = dciodvfy(&object) {
+        assert_eq!(errors, [""; 0]);
+    }
+    let Some(python) = std::env::var_os("RELIEF_PEERS_PYTHON") else {
+        eprintln!("SKIPPED: reading results back (RELIEF_PEERS_PYTHON is not set, see scripts/setup-peers)");
+        return;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/archive/read_back.py");
+    let mut read = Command::new(python);
+    read.args(["-W", "ignore"]).arg(script).arg(to.trim_start_matches("dicomweb+")).arg("reader:a secret");
+    let read: Vec<Value> =
+        serde_json::from_str(&succeeded(&read.args(&files[2..]).output().unwrap())).unwrap();
+    let of = |kind: &str| read.iter().filter(|one| one["kind"] == kind).cloned().collect::<Vec<_>>();
+    let patient = &of("SR")[0]["patient"];
+    assert!(patient.as_str().is_some_and(|id| !id.is_empty()));
+    assert_eq!(of("SEG").len(), 1);
+    assert!(of("SEG")[0]["segments"].as_u64() > Some(1) && of("SEG")[0]["patient"] == *patient);
+    let mut frames: Vec<Value> = of("OT");
+    frames.sort_by_key(|one| one["frames"].as_u64());
+    let captured = |frames: u32| json!({ "kind": "OT", "frames": frames, "same": true, "patient": patient });
+    assert_eq!(frames, [captured(1), captured(1), captured(2)]);
+}
+
+/// Invariant: An object that an archive does not store is an error, with the archive's reason.
+#[test]
+fn an_archive_that_stores_nothing_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let slice = phantom(folder.path(), "slab");
+    let slice = walkdir::WalkDir::new(slice).into_iter().map(Result::unwrap);
+    let slice =
+        slice.map(walkdir::DirEntry::into_path).find(|path| path.extension().is_some_and(|it| it == "dcm"));
+    let failed =
+        json!([{ "00081198": { "vr": "SQ", "Value": [{ "00081197": { "vr": "US", "Value": [272] } }] } }]);
+    for (status, body, expected) in [
+        ("409 Conflict", failed.to_string(), "refused (failure reason 0x0110)"),
+        ("202 Accepted", failed[0].to_string(), "refused (failure reason 0x0110)"),
+        ("413 Payload Too Large", String::new(), "answers with status 413"),
+        ("404 Not Found", String::new(), "no such service for storage (STOW-RS)"),
+    ] {
+        let archive = StandIn::start(move |path, stream| match path.ends_with("/studies") {
+            true => reply(stream, status, "application/dicom+json", body.as_bytes()),
+            false => reply(stream, "200 OK", "application/dicom+json", b"[]"),
+        });
+        let mut command = relief(&["send", "--to", &archive.address("")]);
+        let sent = command.arg(slice.as_ref().unwrap()).env("NO_PROXY", "*").output().unwrap();
+        let said =
+            [&sent.stdout, &sent.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
+        assert!(!sent.status.success() && said.contains(expected), "{status}: {said}");
+    }
+}
