@@ -1,9 +1,10 @@
 //! DICOM archives: search (QIDO-RS), retrieval (WADO-RS) and storage (STOW-RS) by DICOMweb,
-//! PS3.18.
+//! PS3.18; and what archives send by the DICOM network, PS3.7 and PS3.8.
 //!
 //! An [`ArchiveAddress`] names an archive, and what is wanted of it: a study, a series, or the
 //! matches of a query. An [`Archive`] is a client of one. Retrieval writes the objects as they are
-//! stored; it does not read them.
+//! stored; it does not read them. A [`Receiver`] is a storage provider, which puts objects into an
+//! [`Inbox`], a folder.
 //!
 //! Addresses and answers have UIDs, and answers have names of patients. No error and no log line
 //! has any of these.
@@ -15,6 +16,8 @@ mod address;
 mod client;
 #[cfg(feature = "client")]
 mod error;
+#[cfg(feature = "network")]
+mod network;
 #[cfg(feature = "client")]
 mod part;
 #[cfg(feature = "client")]
@@ -31,6 +34,8 @@ pub use address::{AddressError, ArchiveAddress, SCHEME};
 pub use client::Archive;
 #[cfg(feature = "client")]
 pub use error::ArchiveError;
+#[cfg(feature = "network")]
+pub use network::{AllowedCaller, CallerError, CompletedSeries, Inbox, Receiver, ReceiverOptions};
 #[cfg(feature = "client")]
 pub use retrieve::Retrieved;
 #[cfg(feature = "client")]

@@ -32,6 +32,8 @@ mod plot;
 mod presets;
 mod preview;
 mod quilt;
+#[cfg(feature = "cluster")]
+mod receive;
 mod remote;
 mod render;
 mod scene;
@@ -104,6 +106,8 @@ enum Command {
     Audit(audit::AuditArguments),
     #[cfg(feature = "cluster")]
     Send(send::SendArguments),
+    #[cfg(feature = "cluster")]
+    Receive(receive::ReceiveArguments),
     Batch(batch::BatchArguments),
     Golden(golden::GoldenArguments),
     Doctor(doctor::DoctorArguments),
@@ -143,6 +147,8 @@ pub fn main() -> ExitCode {
         Command::Annotate(arguments) => annotate::run(&arguments),
         #[cfg(feature = "cluster")]
         Command::Send(arguments) => send::run(&arguments),
+        #[cfg(feature = "cluster")]
+        Command::Receive(arguments) => receive::run(&arguments),
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),

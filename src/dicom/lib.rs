@@ -42,7 +42,6 @@ mod identity;
 mod jpeg_dct;
 mod load;
 mod object;
-mod outgoing;
 mod part10;
 mod pixels;
 mod progress;
@@ -55,6 +54,7 @@ mod segmentation_write;
 mod series;
 mod source;
 mod stack;
+mod stored;
 mod structure_set;
 mod vr;
 mod warnings;
@@ -68,7 +68,6 @@ pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;
 pub use load::{LoadLimits, Loaded, load, load_within};
-pub use outgoing::{ObjectIdentity, read_identity};
 pub use reference::{SeriesReference, deidentified_uid};
 pub use segmentation::{
     LoadedLayers, LoadedSegmentation, load_segmentation, read_segmentation, read_segmentation_layers,
@@ -88,6 +87,9 @@ pub use formats::{
 pub use report::{
     LeftOut, ReadReport, ReportError, ReportReadOptions, ReportWriteOptions, UnreportableItem, WrittenReport,
     read_report, write_report,
+};
+pub use stored::{
+    FileAroundError, ObjectIdentity, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, file_around, read_identity,
 };
 pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
 pub use write::{BESIDE_SLICES, ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

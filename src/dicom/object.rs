@@ -122,7 +122,7 @@ pub(super) fn uid_of<P: AsRef<[u8]>>(purpose: &[u8], parts: impl IntoIterator<It
 }
 
 /// Values of the file meta group besides the object's own UIDs.
-pub(super) fn meta(transfer_syntax: &'static str) -> FileMetaTableBuilder {
+pub(super) fn meta(transfer_syntax: &str) -> FileMetaTableBuilder {
     FileMetaTableBuilder::new()
         .transfer_syntax(transfer_syntax)
         .implementation_class_uid(IMPLEMENTATION_CLASS_UID)

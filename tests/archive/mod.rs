@@ -7,6 +7,7 @@
 
 mod faults;
 mod orthanc;
+mod receive;
 mod results;
 mod series;
 mod stand_in;

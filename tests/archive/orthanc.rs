@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
-use crate::cluster::stage::{PATIENCE, free_ports, relief, signal, until};
+use crate::cluster::stage::{PATIENCE, ask, free_ports, relief, signal, until};
 
 /// Orthanc with an empty store; ends with this value.
 pub(crate) struct Orthanc {
@@ -93,6 +93,18 @@ impl Orthanc {
             .output()
             .unwrap();
         assert!(sent.status.success(), "{}", String::from_utf8_lossy(&sent.stderr));
+    }
+
+    /// Has Orthanc send everything by the DICOM network.
+    pub(crate) fn send_all(&self, title: &str, port: u16) {
+        let address = format!("127.0.0.1:{}", self.port);
+        let login = format!("Authorization: Basic {}\r\n", data_encoding::BASE64.encode(b"reader:a secret"));
+        let target = serde_json::json!({ "AET": title, "Host": "127.0.0.1", "Port": port }).to_string();
+        let made = ask(&address, "PUT /modalities/target", &login, &target).unwrap();
+        assert_eq!(made.status, 200);
+        let series = ask(&address, "GET /series", &login, "").unwrap().json().to_string();
+        let sent = ask(&address, "POST /modalities/target/store", &login, &series).unwrap();
+        assert_eq!(sent.status, 200, "{}", self.log());
     }
 
     /// `relief` that logs in.

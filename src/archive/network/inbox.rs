@@ -1,0 +1,165 @@
+//! The folder of received objects: a folder for each study, in it one for each series.
+//!
+//! Names are hashes, because UIDs may lead to patients. An object is a whole file on the disk before
+//! it is acknowledged, and an object of a known UID never replaces the first one.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use data_encoding::HEXLOWER;
+use relief_base::write_whole;
+use relief_dicom::{file_around, read_identity};
+use sha2::{Digest, Sha256};
+
+use super::message::Status;
+
+/// Hexadecimal digits of the names of folders and files.
+const NAME_DIGITS: usize = 16;
+
+/// A folder that objects are put into.
+#[derive(Debug)]
+pub struct Inbox {
+    folder: PathBuf,
+    quota_bytes: u64,
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    bytes: u64,
+    growing: HashMap<PathBuf, GrowingSeries>,
+}
+
+#[derive(Debug)]
+struct GrowingSeries {
+    objects: usize,
+    last: Instant,
+}
+
+/// A series of which no more objects have arrived for a while.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CompletedSeries {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Number of objects that arrived since it was reported last.
+    pub objects: usize,
+}
+
+impl Inbox {
+    /// Opens or creates a folder whose files may have so many bytes together.
+    ///
+    /// # Errors
+    /// When it cannot be read or created.
+    pub fn open(folder: &Path, quota_bytes: u64) -> std::io::Result<Self> {
+        std::fs::create_dir_all(folder)?;
+        let bytes = bytes_below(folder)?;
+        let state = Mutex::new(State { bytes, growing: HashMap::new() });
+        Ok(Self { folder: folder.to_owned(), quota_bytes, state })
+    }
+
+    /// Stores an object; on success it is durable.
+    pub(super) fn store(&self, sop_class: &str, sop_instance: &str, syntax: &str, data_set: &[u8]) -> Status {
+        let Ok(file) = file_around(sop_class, sop_instance, syntax, data_set) else {
+            return Status::CannotUnderstand;
+        };
+        let identity = match read_identity(&file) {
+            Ok(identity) => identity,
+            Err(error) => {
+                tracing::warn!("an object is refused: {error}");
+                return Status::CannotUnderstand;
+            }
+        };
+        if identity.sop_instance != sop_instance || identity.sop_class != sop_class {
+            return Status::Mismatch;
+        }
+        let folder = self.folder.join(name_of(&identity.study)).join(name_of(&identity.series));
+        let path = folder.join(name_of(sop_instance) + ".dcm");
+        match self.write(&folder, &path, &file) {
+            Ok(status) => status,
+            Err(error) => {
+                tracing::error!("an object cannot be written: {error}");
+                Status::OutOfResources
+            }
+        }
+    }
+
+    fn write(&self, folder: &Path, path: &Path, file: &[u8]) -> std::io::Result<Status> {
+        if let Ok(known) = std::fs::read(path) {
+            return Ok(if known == file { Status::Success } else { Status::Duplicate });
+        }
+        if !self.reserve(file.len() as u64) {
+            tracing::warn!("an object is refused: the quota of {} bytes is used up", self.quota_bytes);
+            return Ok(Status::OutOfResources);
+        }
+        let written = std::fs::create_dir_all(folder).and_then(|()| write_whole(path, file));
+        let written = written.and_then(|()| sync_folders(folder, &self.folder));
+        let mut state = self.lock();
+        if let Err(error) = written {
+            state.bytes = state.bytes.saturating_sub(file.len() as u64);
+            return Err(error);
+        }
+        let series = state.growing.entry(folder.to_owned());
+        let series = series.or_insert(GrowingSeries { objects: 0, last: Instant::now() });
+        series.objects += 1;
+        series.last = Instant::now();
+        Ok(Status::Success)
+    }
+
+    fn reserve(&self, bytes: u64) -> bool {
+        let mut state = self.lock();
+        let has_room = state.bytes.saturating_add(bytes) <= self.quota_bytes;
+        state.bytes += if has_room { bytes } else { 0 };
+        has_room
+    }
+
+    /// The series of which nothing has arrived for so long; each is reported once until more
+    /// arrives.
+    pub fn completed(&self, quiet: Duration) -> Vec<CompletedSeries> {
+        let mut state = self.lock();
+        let mut completed = Vec::new();
+        state.growing.retain(|folder, series| {
+            let is_quiet = series.last.elapsed() >= quiet;
+            if is_quiet {
+                completed.push(CompletedSeries { folder: folder.clone(), objects: series.objects });
+            }
+            !is_quiet
+        });
+        completed.sort_by(|a, b| a.folder.cmp(&b.folder));
+        completed
+    }
+
+    /// The value is whole between statements.
+    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn name_of(uid: &str) -> String {
+    let mut name = HEXLOWER.encode(&Sha256::digest(uid));
+    name.truncate(NAME_DIGITS);
+    name
+}
+
+/// A file is durable when its folder and those above, up to the inbox, are.
+fn sync_folders(folder: &Path, inbox: &Path) -> std::io::Result<()> {
+    for folder in folder.ancestors().take_while(|folder| folder.starts_with(inbox)) {
+        std::fs::File::open(folder)?.sync_all()?;
+    }
+    Ok(())
+}
+
+fn bytes_below(folder: &Path) -> std::io::Result<u64> {
+    let mut bytes = 0;
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let found = entry.file_type()?;
+        if found.is_dir() {
+            bytes += bytes_below(&entry.path())?;
+        } else if found.is_file() {
+            bytes += entry.metadata()?.len();
+        }
+    }
+    Ok(bytes)
+}

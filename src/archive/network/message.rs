@@ -1,0 +1,163 @@
+//! Command sets of DIMSE messages (PS3.7 annex E): implicit VR, little endian, group 0000.
+
+/// Largest command set, bytes.
+pub(super) const LARGEST_COMMAND: usize = 64 << 10;
+const ECHO_REQUEST: u16 = 0x0030;
+const STORE_REQUEST: u16 = 0x0001;
+/// What makes a response of a request.
+const RESPONSE: u16 = 0x8000;
+/// The value of Command Data Set Type that says there is none.
+const NO_DATA_SET: u16 = 0x0101;
+
+/// A status of a response (PS3.7 annex C, PS3.4 table B.2-1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Status {
+    /// The object is durable, or was before.
+    Success,
+    /// Another object of this UID was stored before.
+    Duplicate,
+    /// There is no room.
+    OutOfResources,
+    /// The data set is of another object than the command.
+    Mismatch,
+    /// The data set is damaged.
+    CannotUnderstand,
+}
+
+impl Status {
+    fn code(self) -> u16 {
+        match self {
+            Self::Success => 0x0000,
+            Self::Duplicate => 0x0111,
+            Self::OutOfResources => 0xA700,
+            Self::Mismatch => 0xA900,
+            Self::CannotUnderstand => 0xC000,
+        }
+    }
+}
+
+/// A request that is understood.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Request {
+    /// C-ECHO.
+    Echo { message: u16, sop_class: String },
+    /// C-STORE, of which the data set follows.
+    Store { message: u16, sop_class: String, sop_instance: String },
+}
+
+impl Request {
+    /// Reads a command set; `None` where it is damaged or another request.
+    pub(super) fn read(mut command: &[u8]) -> Option<Self> {
+        let (mut field, mut message, mut data_set) = (None, None, None);
+        let (mut sop_class, mut sop_instance) = (None, None);
+        while !command.is_empty() {
+            let (head, rest) = command.split_first_chunk::<8>()?;
+            let [g0, g1, e0, e1, length @ ..] = *head;
+            let length = usize::try_from(u32::from_le_bytes(length)).ok()?;
+            let value = rest.get(..length)?;
+            command = &rest[length..];
+            let number = || Some(u16::from_le_bytes(value.try_into().ok()?));
+            match (u16::from_le_bytes([g0, g1]), u16::from_le_bytes([e0, e1])) {
+                (0, 0x0002) => sop_class = Some(uid(value)?),
+                (0, 0x0100) => field = Some(number()?),
+                (0, 0x0110) => message = Some(number()?),
+                (0, 0x0800) => data_set = Some(number()?),
+                (0, 0x1000) => sop_instance = Some(uid(value)?),
+                (0, _) => {}
+                _ => return None,
+            }
+        }
+        let (message, sop_class) = (message?, sop_class?);
+        match (field?, data_set? == NO_DATA_SET) {
+            (ECHO_REQUEST, true) => Some(Self::Echo { message, sop_class }),
+            (STORE_REQUEST, false) => Some(Self::Store { message, sop_class, sop_instance: sop_instance? }),
+            _ => None,
+        }
+    }
+
+    /// The command set of the response.
+    pub(super) fn response(&self, status: Status) -> Vec<u8> {
+        let (field, message, sop_class, sop_instance) = match self {
+            Self::Echo { message, sop_class } => (ECHO_REQUEST, message, sop_class, None),
+            Self::Store { message, sop_class, sop_instance } => {
+                (STORE_REQUEST, message, sop_class, Some(sop_instance))
+            }
+        };
+        let mut elements = element(0x0002, &padded(sop_class));
+        elements.extend(element(0x0100, &(field | RESPONSE).to_le_bytes()));
+        elements.extend(element(0x0120, &message.to_le_bytes()));
+        elements.extend(element(0x0800, &NO_DATA_SET.to_le_bytes()));
+        elements.extend(element(0x0900, &status.code().to_le_bytes()));
+        elements.extend(sop_instance.map(|uid| element(0x1000, &padded(uid))).unwrap_or_default());
+        let length = u32::try_from(elements.len()).unwrap_or_default();
+        [element(0x0000, &length.to_le_bytes()), elements].concat()
+    }
+}
+
+fn element(number: u16, value: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(value.len()).unwrap_or_default();
+    [&[0, 0], &number.to_le_bytes()[..], &length.to_le_bytes(), value].concat()
+}
+
+/// A UID of even length.
+fn padded(uid: &str) -> Vec<u8> {
+    let mut bytes = uid.as_bytes().to_vec();
+    bytes.resize(bytes.len().next_multiple_of(2), 0);
+    bytes
+}
+
+fn uid(value: &[u8]) -> Option<String> {
+    let text = std::str::from_utf8(value).ok()?.trim_end_matches(['\0', ' ']);
+    let is_uid = (1..=64).contains(&text.len())
+        && text.bytes().all(|letter| letter.is_ascii_digit() || letter == b'.');
+    is_uid.then(|| text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn store() -> Vec<u8> {
+        let parts = [
+            element(0x0002, b"1.2.3\0"),
+            element(0x0100, &STORE_REQUEST.to_le_bytes()),
+            element(0x0110, &7_u16.to_le_bytes()),
+            element(0x0700, &0_u16.to_le_bytes()),
+            element(0x0800, &0_u16.to_le_bytes()),
+            element(0x1000, b"4.5.6\0"),
+        ];
+        parts.concat()
+    }
+
+    #[test]
+    fn a_request_is_read_and_its_response_names_it() {
+        let request = Request::read(&store()).unwrap();
+        let [sop_class, sop_instance] = ["1.2.3", "4.5.6"].map(str::to_owned);
+        assert_eq!(request, Request::Store { message: 7, sop_class, sop_instance });
+        let response = request.response(Status::OutOfResources);
+        assert_eq!(response[8..12], u32::to_le_bytes(response.len() as u32 - 12));
+        for part in [&b"4.5.6\0"[..], &[0x01, 0x80], &[0x00, 0xA7]] {
+            assert!(response.windows(part.len()).any(|window| window == part), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn other_commands_are_not_understood() {
+        assert_eq!(Request::read(&[]), None);
+        assert_eq!(Request::read(&store()[..store().len() - 1]), None);
+        let with = |at: usize, value: u8| {
+            let mut bytes = store();
+            bytes[at] = value;
+            Request::read(&bytes)
+        };
+        assert_eq!((with(8, b'/'), with(0, 8), with(22, 0x21)), (None, None, None));
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_cause_a_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = Request::read(&bytes);
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The DICOM network: a provider of verification (C-ECHO) and storage (C-STORE), PS3.4 annexes A
+//! and B.
+//!
+//! Associations are negotiated by dicom-ul. `message` has the commands, `receiver` the conversation,
+//! `inbox` the folder in which objects are durable before they are acknowledged.
+
+mod inbox;
+mod message;
+mod receiver;
+
+pub use inbox::{CompletedSeries, Inbox};
+pub use receiver::{AllowedCaller, CallerError, Receiver, ReceiverOptions};

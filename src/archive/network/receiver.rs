@@ -1,0 +1,331 @@
+//! The conversation with callers: a thread for each association.
+
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::panic::AssertUnwindSafe;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use dicom_ul::association::server::{AccessControl, ServerAssociation, ServerAssociationOptions};
+use dicom_ul::pdu::{AssociationRJServiceUserReason, PDataValue, PDataValueType, Pdu, UserIdentity};
+use relief_dicom::{READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES};
+
+use super::inbox::Inbox;
+use super::message::{LARGEST_COMMAND, Request, Status};
+
+const VERIFICATION: &str = "1.2.840.10008.1.1";
+/// How long a caller may be silent.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Largest unit of the protocol, bytes.
+const LARGEST_PDU: u32 = 128 << 10;
+
+/// A caller by its application entity title, and its address if that is known.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AllowedCaller {
+    title: String,
+    address: Option<IpAddr>,
+}
+
+/// Why a text is not a caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected a title of 1 to 16 characters, or TITLE@ADDRESS, such as PACS@10.0.0.7")]
+pub struct CallerError;
+
+impl FromStr for AllowedCaller {
+    type Err = CallerError;
+
+    fn from_str(text: &str) -> Result<Self, CallerError> {
+        let (title, address) = match text.split_once('@') {
+            Some((title, address)) => (title, Some(address.parse().map_err(|_| CallerError)?)),
+            None => (text, None),
+        };
+        match is_title(title) {
+            true => Ok(Self { title: title.to_owned(), address }),
+            false => Err(CallerError),
+        }
+    }
+}
+
+/// Whether a text can be an application entity title (PS3.5, AE).
+fn is_title(text: &str) -> bool {
+    let is_letter = |letter: u8| (b' '..=b'~').contains(&letter) && letter != b'\\';
+    (1..=16).contains(&text.len()) && text.bytes().all(is_letter) && text.trim() == text
+}
+
+/// Who a receiver is, and whom it takes objects of.
+#[derive(Clone, Debug)]
+pub struct ReceiverOptions {
+    /// Its application entity title: callers must call it so.
+    pub title: String,
+    /// The callers that are known; all where empty.
+    pub callers: Vec<AllowedCaller>,
+    /// Associations at a time; more are closed at once.
+    pub associations: usize,
+    /// Largest object, bytes.
+    pub object_bytes: usize,
+}
+
+impl ReceiverOptions {
+    /// Options with the usual limits: 16 associations, objects of 256 MiB.
+    ///
+    /// # Errors
+    /// When the title cannot be one.
+    pub fn new(title: &str) -> Result<Self, CallerError> {
+        match is_title(title) {
+            true => Ok(Self {
+                title: title.to_owned(),
+                callers: Vec::new(),
+                associations: 16,
+                object_bytes: 256 << 20,
+            }),
+            false => Err(CallerError),
+        }
+    }
+}
+
+/// A storage provider that listens until it is dropped.
+#[derive(Debug)]
+pub struct Receiver {
+    address: SocketAddr,
+    is_stopping: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Receiver {
+    /// Listens, and puts what known callers send into an inbox.
+    ///
+    /// # Errors
+    /// When the address cannot be listened on.
+    pub fn start(address: SocketAddr, options: ReceiverOptions, inbox: Arc<Inbox>) -> std::io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        let address = listener.local_addr()?;
+        let is_stopping = Arc::new(AtomicBool::new(false));
+        let (stop, shared) = (Arc::clone(&is_stopping), Arc::new(Shared { options, inbox }));
+        let thread = std::thread::Builder::new()
+            .name("relief-receive".to_owned())
+            .spawn(move || accept(&listener, &shared, &stop))?;
+        Ok(Self { address, is_stopping, thread: Some(thread) })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+/// No new association is taken; objects that are being written become whole or absent.
+impl Drop for Receiver {
+    fn drop(&mut self) {
+        self.is_stopping.store(true, Ordering::Release);
+        // Wakes the thread, which waits for a caller.
+        let _ = TcpStream::connect(self.address);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Shared {
+    options: ReceiverOptions,
+    inbox: Arc<Inbox>,
+}
+
+fn accept(listener: &TcpListener, shared: &Arc<Shared>, is_stopping: &AtomicBool) {
+    let open = Arc::new(AtomicUsize::new(0));
+    for stream in listener.incoming() {
+        if is_stopping.load(Ordering::Acquire) {
+            return;
+        }
+        let Ok(stream) = stream else {
+            std::thread::sleep(Duration::from_millis(50)); // no descriptors are left
+            continue;
+        };
+        if open.fetch_add(1, Ordering::AcqRel) >= shared.options.associations {
+            open.fetch_sub(1, Ordering::AcqRel);
+            tracing::warn!("a caller is turned away: {} associations are open", shared.options.associations);
+            continue;
+        }
+        let (shared, guard) = (Arc::clone(shared), OpenGuard(Arc::clone(&open)));
+        let conversation = move || {
+            let _guard = guard;
+            // A panic of the protocol library ends one association.
+            let ended = std::panic::catch_unwind(AssertUnwindSafe(|| shared.serve(stream)));
+            if ended.is_err() {
+                tracing::error!("an association ended by a panic");
+            }
+        };
+        let started = std::thread::Builder::new().name("relief-association".to_owned()).spawn(conversation);
+        if let Err(error) = started {
+            tracing::error!("an association cannot be served: {error}");
+        }
+    }
+}
+
+/// Counts an association until it ends.
+struct OpenGuard(Arc<AtomicUsize>);
+
+impl Drop for OpenGuard {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// Known callers, who call the receiver by its title.
+struct KnownCallers<'a> {
+    callers: &'a [AllowedCaller],
+    address: IpAddr,
+}
+
+impl AccessControl for KnownCallers<'_> {
+    fn check_access(
+        &self,
+        this: &str,
+        calling: &str,
+        called: &str,
+        _: Option<&UserIdentity>,
+    ) -> Result<(), AssociationRJServiceUserReason> {
+        let is_known = |caller: &AllowedCaller| {
+            caller.title == calling.trim() && caller.address.is_none_or(|address| address == self.address)
+        };
+        if called.trim() != this {
+            return Err(AssociationRJServiceUserReason::CalledAETitleNotRecognized);
+        }
+        if !self.callers.is_empty() && !self.callers.iter().any(is_known) {
+            return Err(AssociationRJServiceUserReason::CallingAETitleNotRecognized);
+        }
+        Ok(())
+    }
+}
+
+impl Shared {
+    fn serve(&self, stream: TcpStream) {
+        let Ok(peer) = stream.peer_addr() else { return };
+        let _ = stream.set_nodelay(true);
+        let callers = KnownCallers { callers: &self.options.callers, address: peer.ip().to_canonical() };
+        let mut negotiation = ServerAssociationOptions::new()
+            .ae_access_control(callers)
+            .ae_title(self.options.title.as_str())
+            .max_pdu_length(LARGEST_PDU)
+            .strict(true)
+            .read_timeout(PATIENCE)
+            .write_timeout(PATIENCE)
+            .with_abstract_syntax(VERIFICATION);
+        for class in READ_SOP_CLASSES {
+            negotiation = negotiation.with_abstract_syntax(*class);
+        }
+        for syntax in READ_TRANSFER_SYNTAXES {
+            negotiation = negotiation.with_transfer_syntax(*syntax);
+        }
+        match negotiation.establish(stream) {
+            Ok(association) => self.converse(association),
+            Err(error) => tracing::warn!("a caller at {} is refused: {error}", peer.ip()),
+        }
+    }
+
+    fn converse(&self, mut association: ServerAssociation<TcpStream>) {
+        let mut message = Message::default();
+        loop {
+            let values = match association.receive() {
+                Ok(Pdu::PData { data }) => data,
+                Ok(Pdu::ReleaseRQ) => {
+                    let _ = association.send(&Pdu::ReleaseRP);
+                    return;
+                }
+                Ok(_) | Err(_) => return, // an abort, or a connection that broke
+            };
+            for value in values {
+                let Some((context, request)) = message.push(value, self.options.object_bytes) else {
+                    continue;
+                };
+                let response = match request {
+                    Ok(request) => self.answer(&association, context, &request, &message.data_set),
+                    Err(NotUnderstood) => None,
+                };
+                message = Message::default();
+                let Some(data) = response else {
+                    let _ = association.abort();
+                    return;
+                };
+                let value = PDataValue {
+                    presentation_context_id: context,
+                    value_type: PDataValueType::Command,
+                    is_last: true,
+                    data,
+                };
+                if association.send(&Pdu::PData { data: vec![value] }).is_err() {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// The response to a request; `None` where it has no place in this association.
+    fn answer(
+        &self,
+        association: &ServerAssociation<TcpStream>,
+        context: u8,
+        request: &Request,
+        data_set: &[u8],
+    ) -> Option<Vec<u8>> {
+        let negotiated = association.presentation_contexts().iter().find(|one| one.id == context)?;
+        let status = match request {
+            Request::Echo { .. } => Status::Success,
+            Request::Store { sop_class, sop_instance, .. } => {
+                if *sop_class != negotiated.abstract_syntax {
+                    return None;
+                }
+                self.inbox.store(sop_class, sop_instance, &negotiated.transfer_syntax, data_set)
+            }
+        };
+        Some(request.response(status))
+    }
+}
+
+/// A message while its fragments arrive.
+#[derive(Default)]
+struct Message {
+    command: Vec<u8>,
+    request: Option<Request>,
+    data_set: Vec<u8>,
+}
+
+/// A message that is damaged, too large, or another request.
+struct NotUnderstood;
+
+impl Message {
+    /// Takes a fragment; the context and the request when the message is whole, or cannot become so.
+    fn push(&mut self, value: PDataValue, largest: usize) -> Option<(u8, Result<Request, NotUnderstood>)> {
+        let context = value.presentation_context_id;
+        match value.value_type {
+            PDataValueType::Command if self.request.is_none() => {
+                self.command.extend(value.data);
+                if self.command.len() > LARGEST_COMMAND {
+                    return Some((context, Err(NotUnderstood)));
+                }
+                if !value.is_last {
+                    return None;
+                }
+                match Request::read(&self.command) {
+                    Some(request @ Request::Echo { .. }) => Some((context, Ok(request))),
+                    Some(request) => {
+                        self.request = Some(request);
+                        None
+                    }
+                    None => Some((context, Err(NotUnderstood))),
+                }
+            }
+            PDataValueType::Data if self.request.is_some() => {
+                if self.data_set.len() + value.data.len() > largest {
+                    return Some((context, Err(NotUnderstood)));
+                }
+                self.data_set.extend(value.data);
+                if value.is_last { self.request.take().map(|request| (context, Ok(request))) } else { None }
+            }
+            _ => Some((context, Err(NotUnderstood))),
+        }
+    }
+}
