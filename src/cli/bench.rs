@@ -11,7 +11,8 @@ use crate::bucket::CopiesArguments;
 use crate::capacity::{self, CapacityArguments};
 use crate::output::{milliseconds, print_json, say};
 use crate::scene::SceneArguments;
-use crate::source::{SeriesArguments, SeriesOptions};
+use crate::series::SeriesArguments;
+use crate::source::SeriesOptions;
 use relief_render::{
     Clip, ClipPlane, EmptySpaceSkipping, FramingRule, RenderError, RenderRequest, RenderedFrame, Renderer,
     Subject,

@@ -71,7 +71,7 @@ impl CopiesArguments {
     /// # Errors
     /// As for `copies`.
     pub(super) fn copies_with_progress(&self) -> anyhow::Result<Copies> {
-        let bar = crate::source::RetrievalBar::default();
+        let bar = crate::progress::RetrievalBar::default();
         self.copies_below(Vec::new(), None, CopyProgress::new(move |done, all| bar.report(done, all)))
     }
 

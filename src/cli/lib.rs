@@ -31,14 +31,15 @@ mod phantom;
 mod plot;
 mod presets;
 mod preview;
+mod progress;
 mod quilt;
 #[cfg(feature = "cluster")]
 mod receive;
-mod remote;
 mod render;
 mod scene;
 #[cfg(feature = "cluster")]
 mod send;
+mod series;
 mod serve;
 mod slice;
 mod source;

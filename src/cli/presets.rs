@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::adapter::AdapterArguments;
 use crate::bucket::CopiesArguments;
 use crate::output::{print_json, say, write_whole};
-use crate::remote;
+use crate::series;
 use crate::source::SeriesOptions;
 use crate::transfer::{Range, parse_range, read_look};
 use relief_display::encode_png;
@@ -167,7 +167,7 @@ fn volume(arguments: &PresetsArguments) -> anyhow::Result<Volume> {
     match &arguments.series {
         Some(path) => {
             let (copies, options) = (&arguments.copies, &arguments.options);
-            Ok(remote::load_after(path, copies, options, |_| Ok(()))?.0.volume)
+            Ok(series::load_after(path, copies, options, |_| Ok(()))?.0.volume)
         }
         None if series_uid.is_some() || *strict || *downsample > 1 => {
             bail!("--series-uid, --strict and --downsample are about a series; give one with --series PATH")

@@ -14,7 +14,7 @@ use crate::eye::{EyeArguments, ViewingEye};
 use crate::output::{print_json, say, write_whole};
 use crate::quilt;
 use crate::scene::SceneArguments;
-use crate::source::SeriesArguments;
+use crate::series::SeriesArguments;
 use crate::views;
 use relief_annotation::ShownSets;
 use relief_display::Layout;

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::bucket::CopiesArguments;
 use crate::output::{print_json, say};
-use crate::remote;
+use crate::series;
 use crate::source::{self, SeriesOptions};
 use relief_base::read_at_most;
 use relief_batch::Location;
@@ -186,7 +186,7 @@ fn reference(path: &Path, arguments: &SendArguments) -> anyhow::Result<SeriesRef
     let uid = arguments.series_uid.clone();
     let reference = if Location::is_remote(path) {
         let options = SeriesOptions { series_uid: uid, strict: false, downsample: 1 };
-        let (loaded, ()) = remote::load_after(path, &arguments.copies, &options, |_| Ok(()))?;
+        let (loaded, ()) = series::load_after(path, &arguments.copies, &options, |_| Ok(()))?;
         std::sync::Arc::unwrap_or_clone(loaded.reference.context(NO_UIDS)?)
     } else {
         let found = source::discover(path, Strictness::Lenient)?;
@@ -197,7 +197,7 @@ fn reference(path: &Path, arguments: &SendArguments) -> anyhow::Result<SeriesRef
 }
 
 fn is_picture(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     ending.is_some_and(|ending| ["png", "jpg", "jpeg"].iter().any(|known| ending == *known))
 }
 

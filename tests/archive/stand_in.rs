@@ -19,17 +19,18 @@ impl StandIn {
         let port = listener.local_addr().unwrap().port();
         let (answer, paths) = (Arc::new(answer), Arc::<Mutex<Vec<String>>>::default());
         let asked = Arc::clone(&paths);
-        std::thread::spawn(move || {
+        let serving = move || {
             for mut stream in listener.incoming().flatten() {
                 let (answer, asked) = (Arc::clone(&answer), Arc::clone(&asked));
-                std::thread::spawn(move || {
+                spawn(move || {
                     let Some(path) = requested(&stream) else { return };
                     asked.lock().unwrap().push(path.clone());
                     // A client that leaves is what some tests are about.
                     let _ = answer(&path, &mut stream);
                 });
             }
-        });
+        };
+        spawn(serving);
         Self { port, paths }
     }
 
@@ -42,6 +43,10 @@ impl StandIn {
     pub(crate) fn requests(&self) -> Vec<String> {
         self.paths.lock().unwrap().clone()
     }
+}
+
+fn spawn(work: impl FnOnce() + Send + 'static) {
+    std::thread::Builder::new().name("stand-in".to_owned()).spawn(work).unwrap();
 }
 
 /// The path of a request, without its query; its body is read.

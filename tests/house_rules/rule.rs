@@ -237,7 +237,9 @@ pub(super) fn crates_are_in_the_table(files: &[File]) -> Vec<String> {
         };
         let used = row.get(3).copied().unwrap_or_default();
         for used in used.split(',').map(str::trim).filter(|used| !["all", "–", ""].contains(used)) {
-            if !file.text.contains(&format!("relief-{used}.workspace")) {
+            let is_used =
+                [".workspace", " = {"].map(|rest| file.text.contains(&format!("relief-{used}{rest}")));
+            if !is_used.contains(&true) {
                 found.push(format!("ARCHITECTURE.md: `{name}` does not depend on `{used}`"));
             }
         }

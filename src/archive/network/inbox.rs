@@ -93,8 +93,9 @@ impl Inbox {
             tracing::warn!("an object is refused: the quota of {} bytes is used up", self.quota_bytes);
             return Ok(Status::OutOfResources);
         }
+        let is_new = !folder.is_dir();
         let written = std::fs::create_dir_all(folder).and_then(|()| write_whole(path, file));
-        let written = written.and_then(|()| sync_folders(folder, &self.folder));
+        let written = written.and_then(|()| sync_folders(folder, if is_new { &self.folder } else { folder }));
         let mut state = self.lock();
         if let Err(error) = written {
             state.bytes = state.bytes.saturating_sub(file.len() as u64);
@@ -142,9 +143,9 @@ fn name_of(uid: &str) -> String {
     name
 }
 
-/// A file is durable when its folder and those above, up to the inbox, are.
-fn sync_folders(folder: &Path, inbox: &Path) -> std::io::Result<()> {
-    for folder in folder.ancestors().take_while(|folder| folder.starts_with(inbox)) {
+/// A file is durable when its folder is, and where that is new those above, up to `last`.
+fn sync_folders(folder: &Path, last: &Path) -> std::io::Result<()> {
+    for folder in folder.ancestors().take_while(|folder| folder.starts_with(last)) {
         std::fs::File::open(folder)?.sync_all()?;
     }
     Ok(())

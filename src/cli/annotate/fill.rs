@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::bail;
 use serde_json::json;
 
-use super::super::source::SeriesArguments;
+use super::super::series::SeriesArguments;
 use super::log_options::LogArguments;
 use super::structure::{NewArguments, Scan, find, keep_new, report};
 use relief_annotation::Contour;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;
 
-use super::super::source::SeriesArguments;
+use super::super::series::SeriesArguments;
 use super::log_options::LogArguments;
 use super::structure::{NewArguments, Scan, keep_new, parse_place, report};
 use relief_annotation::Geometry;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::super::bucket::CopiesArguments;
-use super::super::remote;
+use super::super::series as any_series;
 use super::super::source::{self, SeriesOptions};
 use relief_annotation::FrameOfReference;
 use relief_batch::Location;
@@ -43,7 +43,7 @@ impl SeriesArguments {
         let uid = self.series_uid.as_deref();
         let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
         if Location::is_remote(path) {
-            let (loaded, ()) = remote::load_after(path, &self.copies, &options, |_| Ok(()))?;
+            let (loaded, ()) = any_series::load_after(path, &self.copies, &options, |_| Ok(()))?;
             let reference = loaded.reference.clone().map(std::sync::Arc::unwrap_or_clone);
             return Ok(Some(Series::of(&loaded, reference)));
         }

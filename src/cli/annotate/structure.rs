@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use serde_json::json;
 
 use super::super::output::{print_json, say};
-use super::super::source::SeriesArguments;
+use super::super::series::SeriesArguments;
 use super::log_options::{ByArguments, Log};
 use relief_annotation::{
     Change, ContentId, Edit, FrameOfReference, Geometry, Item, ItemId, Method, Placement, Versioned,

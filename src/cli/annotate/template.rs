@@ -40,7 +40,7 @@ enum Action {
     Add(AddArguments),
     List(ListArguments),
     Show(ShowArguments),
-    Apply(ApplyArguments),
+    Apply(Box<ApplyArguments>),
     Status(StatusArguments),
 }
 

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use super::adapter::AdapterArguments;
 use super::output::{print_json, say};
 use super::scene::SceneArguments;
-use super::source::SeriesArguments;
+use super::series::SeriesArguments;
 use print::CapacityReport;
 use relief_render::Subject;
 use relief_study::{ViewerHabits, measure_capacity, process_mib};
