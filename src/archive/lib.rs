@@ -35,7 +35,10 @@ pub use client::Archive;
 #[cfg(feature = "client")]
 pub use error::ArchiveError;
 #[cfg(feature = "network")]
-pub use network::{AllowedCaller, CallerError, CompletedSeries, Inbox, Receiver, ReceiverOptions};
+pub use network::{
+    AllowedCaller, CallerError, CompletedSeries, Inbox, NetworkAddress, NetworkAddressError, Receiver,
+    ReceiverOptions, SendError, StoreStatus,
+};
 #[cfg(feature = "client")]
 pub use retrieve::Retrieved;
 #[cfg(feature = "client")]

@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 
 use anyhow::{Context, bail};
-use relief_archive::{Archive, ArchiveAddress, OutgoingObject, StoreOutcome};
+use relief_archive::{
+    AddressError, Archive, ArchiveAddress, NetworkAddress, NetworkAddressError, OutgoingObject, StoreOutcome,
+};
 use serde::Serialize;
 
 use crate::bucket::CopiesArguments;
@@ -14,7 +17,7 @@ use crate::source::{self, SeriesOptions};
 use relief_base::read_at_most;
 use relief_batch::Location;
 use relief_dicom::{
-    CaptureOptions, CapturedPicture, SeriesReference, Strictness, read_identity, write_capture,
+    CaptureOptions, CapturedPicture, SeriesReference, Strictness, parts_of, read_identity, write_capture,
 };
 
 /// Store DICOM objects and pictures in an archive
@@ -29,6 +32,7 @@ Examples:
   relief send report.dcm --to dicomweb+https://ct-server/dicom-web --archive-login-file login
   relief send front.png side.png --series chest --to dicomweb+https://ct-server/dicom-web
   relief send turn/*.png --multi-frame --series chest --to dicomweb+https://ct-server/dicom-web
+  relief send report.dcm --to dicom://PACS@ct-server:104 --aet RELIEF        by the DICOM network
   relief send front.png --series chest --out capture.dcm        look at the object before it is stored
 
 Exit status: 0 all objects are in the archive, 1 some are not.")]
@@ -36,9 +40,12 @@ pub(super) struct SendArguments {
     /// DICOM files, and pictures (.png, .jpg)
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// The archive: dicomweb+https://HOST/ROOT
+    /// The archive: dicomweb+https://HOST/ROOT, or dicom://TITLE@HOST:PORT by the DICOM network
     #[arg(long, value_name = "ARCHIVE", required_unless_present = "out")]
-    to: Option<ArchiveAddress>,
+    to: Option<Destination>,
+    /// Application entity title of this program, by which an archive of the DICOM network knows it
+    #[arg(long, value_name = "TITLE", default_value = "RELIEF")]
+    aet: String,
     /// The series that pictures show: a folder, a file, a DICOMDIR or a zip; or its address in an
     /// archive
     #[arg(long, value_name = "PATH")]
@@ -68,6 +75,34 @@ pub(super) struct SendArguments {
     json: bool,
 }
 
+/// Where objects go.
+#[derive(Clone, Debug)]
+enum Destination {
+    /// By DICOMweb.
+    Web(ArchiveAddress),
+    /// By the DICOM network.
+    Network(NetworkAddress),
+}
+
+impl FromStr for Destination {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.starts_with("dicom://") {
+            return text.parse().map(Self::Network).map_err(|error: NetworkAddressError| error.to_string());
+        }
+        text.parse()
+            .map(Self::Web)
+            .map_err(|error: AddressError| format!("{error}; or dicom://TITLE@HOST:PORT"))
+    }
+}
+
+/// A way to store objects.
+enum Store<'a> {
+    Web(Archive),
+    Network { address: &'a NetworkAddress, calling: &'a str },
+}
+
 /// Largest file that is sent, bytes.
 const LARGEST_FILE: u64 = 1 << 30;
 
@@ -92,16 +127,11 @@ pub(super) fn run(arguments: &SendArguments) -> anyhow::Result<ExitCode> {
         let [object] = &*prepared else { bail!("--out is for one object, and there are {}", prepared.len()) };
         crate::output::write_whole(out, &object.bytes)?;
     }
-    let Some(address) = &arguments.to else { return Ok(ExitCode::SUCCESS) };
-    if address.study().is_some() || !address.query().is_empty() {
-        bail!(
-            "--to must be the root of an archive, without a study and a query: objects say where they belong"
-        );
-    }
-    let archive = Archive::open(address, &arguments.copies.archive.access()?)?;
+    let Some(to) = &arguments.to else { return Ok(ExitCode::SUCCESS) };
+    let store = Store::open(to, arguments)?;
     let mut sent = Vec::new();
     for object in prepared {
-        sent.push(send(&archive, object)?);
+        sent.push(store.send(object)?);
     }
     let refused = sent.iter().filter(|one| one.outcome == REFUSED).count();
     if arguments.json {
@@ -110,7 +140,7 @@ pub(super) fn run(arguments: &SendArguments) -> anyhow::Result<ExitCode> {
         sent.iter().for_each(print);
     }
     if refused > 0 {
-        eprintln!("relief: {} did not store {refused} of {} objects", address.public_name(), sent.len());
+        eprintln!("relief: the archive did not store {refused} of {} objects", sent.len());
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
@@ -118,21 +148,51 @@ pub(super) fn run(arguments: &SendArguments) -> anyhow::Result<ExitCode> {
 
 const REFUSED: &str = "refused";
 
-fn send(archive: &Archive, object: Prepared) -> anyhow::Result<SentObject> {
-    let about = || format!("cannot send {}", object.files[0].display());
-    let identity = read_identity(&object.bytes).with_context(about)?;
-    let outgoing = OutgoingObject {
-        study: identity.study,
-        series: identity.series,
-        instance: identity.sop_instance,
-        file: object.bytes.into(),
-    };
-    let (outcome, reason) = match archive.store(&outgoing).with_context(about)? {
-        StoreOutcome::Stored => ("stored", None),
-        StoreOutcome::AlreadyThere => ("already there", None),
-        StoreOutcome::Refused { reason } => (REFUSED, reason),
-    };
-    Ok(SentObject { files: object.files, outcome, reason })
+impl<'a> Store<'a> {
+    fn open(to: &'a Destination, arguments: &'a SendArguments) -> anyhow::Result<Self> {
+        match to {
+            Destination::Network(address) => Ok(Self::Network { address, calling: &arguments.aet }),
+            Destination::Web(address) if address.study().is_some() || !address.query().is_empty() => {
+                bail!(
+                    "--to must be the root of an archive, without a study and a query: objects say where they belong"
+                )
+            }
+            Destination::Web(address) => {
+                Ok(Self::Web(Archive::open(address, &arguments.copies.archive.access()?)?))
+            }
+        }
+    }
+
+    fn send(&self, object: Prepared) -> anyhow::Result<SentObject> {
+        let about = || format!("cannot send {}", object.files[0].display());
+        let outcome = match self {
+            Self::Web(archive) => {
+                let identity = read_identity(&object.bytes).with_context(about)?;
+                let outgoing = OutgoingObject {
+                    study: identity.study,
+                    series: identity.series,
+                    instance: identity.sop_instance,
+                    file: object.bytes.clone().into(),
+                };
+                archive.store(&outgoing).with_context(about)?
+            }
+            Self::Network { address, calling } => {
+                let parts = parts_of(&object.bytes).with_context(about)?;
+                let status = address.store(calling, &parts).with_context(about)?;
+                match status {
+                    status if status.is_stored() => StoreOutcome::Stored,
+                    status if status.was_there() => StoreOutcome::AlreadyThere,
+                    status => StoreOutcome::Refused { reason: Some(status.0) },
+                }
+            }
+        };
+        let (outcome, reason) = match outcome {
+            StoreOutcome::Stored => ("stored", None),
+            StoreOutcome::AlreadyThere => ("already there", None),
+            StoreOutcome::Refused { reason } => (REFUSED, reason),
+        };
+        Ok(SentObject { files: object.files, outcome, reason })
+    }
 }
 
 fn print(sent: &SentObject) {

@@ -89,7 +89,8 @@ pub use report::{
     read_report, write_report,
 };
 pub use stored::{
-    FileAroundError, ObjectIdentity, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, file_around, read_identity,
+    FileAroundError, ObjectIdentity, ObjectParts, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, file_around,
+    parts_of, read_identity,
 };
 pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
 pub use write::{BESIDE_SLICES, ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

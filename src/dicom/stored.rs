@@ -61,6 +61,43 @@ pub fn read_identity(bytes: &[u8]) -> Result<ObjectIdentity, ObjectError> {
     Ok(ObjectIdentity { sop_class: sop_class?, sop_instance: sop_instance?, study: study?, series: series? })
 }
 
+/// A DICOM file in the parts that the DICOM network sends.
+#[derive(Clone, Debug)]
+pub struct ObjectParts<'a> {
+    /// Its UIDs.
+    pub identity: ObjectIdentity,
+    /// The transfer syntax of the data set.
+    pub transfer_syntax: String,
+    /// The data set, as it is.
+    pub data_set: &'a [u8],
+}
+
+/// Divides a DICOM file.
+///
+/// # Errors
+/// As for [`read_identity`], and when it has no file meta group.
+pub fn parts_of(file: &[u8]) -> Result<ObjectParts<'_>, ObjectError> {
+    let identity = read_identity(file)?;
+    let no_meta = || {
+        wrong(
+            "",
+            "FileMetaInformationGroupLength",
+            tags::FILE_META_INFORMATION_GROUP_LENGTH,
+            "nothing".to_owned(),
+            "a file meta group",
+        )
+    };
+    let meta = file.get(PREAMBLE..).ok_or_else(no_meta)?;
+    let table = dicom_object::FileMetaTable::from_reader(meta).map_err(|_| no_meta())?;
+    // The mark, and the element with the length of the rest of the group.
+    let begin = PREAMBLE + 4 + 12 + table.information_group_length as usize;
+    let data_set = file.get(begin..).ok_or_else(no_meta)?;
+    Ok(ObjectParts { identity, transfer_syntax: table.transfer_syntax().to_owned(), data_set })
+}
+
+/// Bytes before the mark of a DICOM file.
+const PREAMBLE: usize = 128;
+
 /// The transfer syntaxes of CT images that are read.
 pub const READ_TRANSFER_SYNTAXES: &[&str] = &[
     uids::EXPLICIT_VR_LITTLE_ENDIAN,

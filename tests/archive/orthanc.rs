@@ -85,6 +85,11 @@ impl Orthanc {
         format!("dicomweb+{scheme}://127.0.0.1:{port}/dicom-web{rest}")
     }
 
+    /// Its address in the DICOM network.
+    pub(crate) fn network_address(&self) -> String {
+        format!("dicom://ORTHANC@127.0.0.1:{}", self.port + 1)
+    }
+
     /// Sends the files of a folder by the DICOM network, with DCMTK.
     pub(crate) fn store(&self, series: &Path) {
         let sent = Command::new(self.programs.join("storescu"))

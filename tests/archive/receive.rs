@@ -8,18 +8,18 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::orthanc::{Orthanc, Wanted};
-use crate::cluster::stage::{phantom, relief, signal, until};
+use crate::cluster::stage::{Process, free_ports, lone, phantom, relief, signal, until, volumes};
 use crate::common::child;
 
 /// A receiver of a test's own.
-struct Receiving {
+pub(crate) struct Receiving {
     process: Child,
     lines: std::io::Lines<BufReader<std::process::ChildStdout>>,
     port: u16,
 }
 
 impl Receiving {
-    fn start(inbox: &Path, more: &[&str]) -> Self {
+    pub(crate) fn start(inbox: &Path, more: &[&str]) -> Self {
         let mut command = relief(&["receive", "--listen", "127.0.0.1:0", "--quiet", "1", "--into"]);
         command.arg(inbox).args(more).stdout(Stdio::piped());
         let mut process = command.stderr(Stdio::null()).spawn().unwrap();
@@ -27,6 +27,10 @@ impl Receiving {
         let first = lines.next().unwrap().unwrap();
         let port = first.split([':', ' ']).find_map(|part| part.parse().ok()).unwrap();
         Self { process, lines, port }
+    }
+
+    pub(crate) fn port(&self) -> u16 {
+        self.port
     }
 
     fn line(&mut self) -> String {
@@ -214,6 +218,33 @@ fn four_callers_at_once_lose_nothing() {
     });
     assert_eq!(files_below(&inbox).len(), sent.into_inner());
     assert!(child::peak_of(&receiving.process) < 100, "{} MiB", child::peak_of(&receiving.process));
+}
+
+/// Invariant: A server shows series that arrive by the DICOM network, and those that arrived before
+/// it was restarted.
+#[test]
+fn a_server_shows_series_that_arrive() {
+    let what = "a server that receives";
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (inbox, series) = (folder.path().join("inbox"), phantom(folder.path(), "slab"));
+    let port = free_ports();
+    let start = || {
+        let mut serve =
+            relief(&["serve", "--listen", "127.0.0.1:0", "--listen-when-loaded", "--receive-quiet", "1"]);
+        serve.args(["--receive-caller", "SCANNER", "--receive-listen", &format!("127.0.0.1:{port}")]);
+        let (process, lines) = Process::start(serve.arg("--receive").arg(&inbox).stderr(Stdio::null()));
+        (process, lines[0].split_once("http://").unwrap().1.trim_end_matches('/').to_owned())
+    };
+    let (_lone, expected) = lone(std::slice::from_ref(&series));
+    let (process, address) = start();
+    assert_eq!(volumes(&address), [""; 0]);
+    let sent = send(&mut storescu, "SCANNER", port, &series);
+    assert!(sent.status.success(), "{}", printed(&sent));
+    until("the series is served", || volumes(&address) == volumes(&expected));
+    assert_eq!(process.stop(), Some(0));
+    let (_process, address) = start();
+    assert_eq!(volumes(&address), volumes(&expected));
 }
 
 /// Invariant: No bytes end a receiver, and callers that are silent keep no others out.

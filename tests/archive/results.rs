@@ -6,6 +6,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 use super::orthanc::{Orthanc, Wanted};
+use super::receive::Receiving;
 use super::stand_in::{StandIn, reply};
 use crate::cluster::stage::{phantom, relief};
 
@@ -93,14 +94,58 @@ fn results_are_stored_once_and_read_back_by_others() {
     assert_eq!(frames, [captured(1), captured(1), captured(2)]);
 }
 
+/// Invariant: Results reach an archive by the DICOM network, too; a provider that does not take them
+/// is an error that says why.
+#[test]
+fn results_are_stored_by_the_dicom_network() {
+    let Some(orthanc) = Orthanc::start("results by the DICOM network", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path(), "head");
+    orthanc.store(&series);
+    let files = results(folder.path(), &series);
+    let send = |to: &str, files: &[PathBuf], more: &[&str]| {
+        relief(&["send", "--to", to]).args(files).args(more).output().unwrap()
+    };
+    for _ in 0..2 {
+        let sent = succeeded(&send(&orthanc.network_address(), &files[..2], &[]));
+        assert_eq!(sent.matches(": stored").count(), 2, "{sent}");
+    }
+    let listed = orthanc.relief(&["inspect", &orthanc.address(""), "--json"]).output().unwrap();
+    let listed: Value = serde_json::from_str(&succeeded(&listed)).unwrap();
+    let count = |modality: &str| {
+        let series = listed.as_array().unwrap().iter().filter(|one| one["modality"] == modality);
+        series.map(|one| one["instances"].as_u64().unwrap()).sum::<u64>()
+    };
+    assert_eq!((count("SR"), count("SEG")), (1, 1));
+
+    let receiving = Receiving::start(&folder.path().join("inbox"), &["--caller", "KNOWN"]);
+    let provider = format!("dicom://RELIEF@127.0.0.1:{}", receiving.port());
+    let slice = a_slice(&series);
+    let slice = std::slice::from_ref(&slice);
+    assert!(succeeded(&send(&provider, slice, &["--aet", "KNOWN"])).contains(": stored"));
+    let fails = |files: &[PathBuf], calling: &str, expected: &str| {
+        let refused = send(&provider, files, &["--aet", calling]);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(!refused.status.success() && said.contains(expected), "{said}");
+    };
+    fails(slice, "STRANGER", "does it know the caller");
+    fails(&files[..1], "KNOWN", "does not take objects of this kind");
+    drop(receiving);
+    fails(slice, "KNOWN", "does not answer");
+}
+
+/// A slice of a phantom.
+fn a_slice(series: &Path) -> PathBuf {
+    let files = walkdir::WalkDir::new(series).into_iter().map(Result::unwrap);
+    let mut files = files.map(walkdir::DirEntry::into_path);
+    files.find(|path| path.extension().is_some_and(|ending| ending == "dcm")).unwrap()
+}
+
 /// Invariant: An object that an archive does not store is an error, with the archive's reason.
 #[test]
 fn an_archive_that_stores_nothing_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
-    let slice = phantom(folder.path(), "slab");
-    let slice = walkdir::WalkDir::new(slice).into_iter().map(Result::unwrap);
-    let slice =
-        slice.map(walkdir::DirEntry::into_path).find(|path| path.extension().is_some_and(|it| it == "dcm"));
+    let slice = a_slice(&phantom(folder.path(), "slab"));
     let failed =
         json!([{ "00081198": { "vr": "SQ", "Value": [{ "00081197": { "vr": "US", "Value": [272] } }] } }]);
     for (status, body, expected) in [
@@ -114,7 +159,7 @@ fn an_archive_that_stores_nothing_is_an_error() {
             false => reply(stream, "200 OK", "application/dicom+json", b"[]"),
         });
         let mut command = relief(&["send", "--to", &archive.address("")]);
-        let sent = command.arg(slice.as_ref().unwrap()).env("NO_PROXY", "*").output().unwrap();
+        let sent = command.arg(&slice).env("NO_PROXY", "*").output().unwrap();
         let said =
             [&sent.stdout, &sent.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
         assert!(!sent.status.success() && said.contains(expected), "{status}: {said}");

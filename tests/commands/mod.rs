@@ -38,6 +38,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("hidraw", "needs a Wiimote"),
     ("ct-server", "needs a server in the network"),
     ("relief receive", "runs until it is stopped; tests of archives run it"),
+    ("--receive inbox", "is for the addresses of a network; tests of archives run it"),
     ("chromium", "needs a display; tests of pages run a browser"),
     ("survey.jsonl", "needs a Wiimote's recording; tests of calibration simulate one"),
     ("relief annotate accuracy", "takes minutes; scripts/test --all runs it"),

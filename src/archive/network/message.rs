@@ -51,20 +51,16 @@ impl Request {
         let (mut field, mut message, mut data_set) = (None, None, None);
         let (mut sop_class, mut sop_instance) = (None, None);
         while !command.is_empty() {
-            let (head, rest) = command.split_first_chunk::<8>()?;
-            let [g0, g1, e0, e1, length @ ..] = *head;
-            let length = usize::try_from(u32::from_le_bytes(length)).ok()?;
-            let value = rest.get(..length)?;
-            command = &rest[length..];
+            let (element, value, rest) = split(command)?;
+            command = rest;
             let number = || Some(u16::from_le_bytes(value.try_into().ok()?));
-            match (u16::from_le_bytes([g0, g1]), u16::from_le_bytes([e0, e1])) {
-                (0, 0x0002) => sop_class = Some(uid(value)?),
-                (0, 0x0100) => field = Some(number()?),
-                (0, 0x0110) => message = Some(number()?),
-                (0, 0x0800) => data_set = Some(number()?),
-                (0, 0x1000) => sop_instance = Some(uid(value)?),
-                (0, _) => {}
-                _ => return None,
+            match element {
+                0x0002 => sop_class = Some(uid(value)?),
+                0x0100 => field = Some(number()?),
+                0x0110 => message = Some(number()?),
+                0x0800 => data_set = Some(number()?),
+                0x1000 => sop_instance = Some(uid(value)?),
+                _ => {}
             }
         }
         let (message, sop_class) = (message?, sop_class?);
@@ -75,23 +71,71 @@ impl Request {
         }
     }
 
+    /// The command set of the request, of medium priority.
+    pub(super) fn command(&self) -> Vec<u8> {
+        let (field, message, sop_class, sop_instance) = self.parts();
+        let mut elements = element(0x0002, &padded(sop_class));
+        elements.extend(element(0x0100, &field.to_le_bytes()));
+        elements.extend(element(0x0110, &message.to_le_bytes()));
+        let data_set = if sop_instance.is_some() { 0 } else { NO_DATA_SET };
+        if sop_instance.is_some() {
+            elements.extend(element(0x0700, &0_u16.to_le_bytes()));
+        }
+        elements.extend(element(0x0800, &data_set.to_le_bytes()));
+        elements.extend(sop_instance.map(|uid| element(0x1000, &padded(uid))).unwrap_or_default());
+        with_length(elements)
+    }
+
+    fn parts(&self) -> (u16, u16, &str, Option<&str>) {
+        match self {
+            Self::Echo { message, sop_class } => (ECHO_REQUEST, *message, sop_class, None),
+            Self::Store { message, sop_class, sop_instance } => {
+                (STORE_REQUEST, *message, sop_class, Some(sop_instance))
+            }
+        }
+    }
+
     /// The command set of the response.
     pub(super) fn response(&self, status: Status) -> Vec<u8> {
-        let (field, message, sop_class, sop_instance) = match self {
-            Self::Echo { message, sop_class } => (ECHO_REQUEST, message, sop_class, None),
-            Self::Store { message, sop_class, sop_instance } => {
-                (STORE_REQUEST, message, sop_class, Some(sop_instance))
-            }
-        };
+        let (field, message, sop_class, sop_instance) = self.parts();
         let mut elements = element(0x0002, &padded(sop_class));
         elements.extend(element(0x0100, &(field | RESPONSE).to_le_bytes()));
         elements.extend(element(0x0120, &message.to_le_bytes()));
         elements.extend(element(0x0800, &NO_DATA_SET.to_le_bytes()));
         elements.extend(element(0x0900, &status.code().to_le_bytes()));
         elements.extend(sop_instance.map(|uid| element(0x1000, &padded(uid))).unwrap_or_default());
-        let length = u32::try_from(elements.len()).unwrap_or_default();
-        [element(0x0000, &length.to_le_bytes()), elements].concat()
+        with_length(elements)
     }
+}
+
+/// The status of a response; `None` where the bytes are none.
+pub(super) fn response_status(mut command: &[u8]) -> Option<u16> {
+    let (mut field, mut status) = (None, None);
+    while !command.is_empty() {
+        let (number, value, rest) = split(command)?;
+        command = rest;
+        match number {
+            0x0100 => field = Some(u16::from_le_bytes(value.try_into().ok()?)),
+            0x0900 => status = Some(u16::from_le_bytes(value.try_into().ok()?)),
+            _ => {}
+        }
+    }
+    status.filter(|_| field == Some(STORE_REQUEST | RESPONSE))
+}
+
+/// The number and the value of the first element of group 0000, and what follows.
+fn split(command: &[u8]) -> Option<(u16, &[u8], &[u8])> {
+    let (head, rest) = command.split_first_chunk::<8>()?;
+    let [g0, g1, e0, e1, length @ ..] = *head;
+    let length = usize::try_from(u32::from_le_bytes(length)).ok()?;
+    let value = rest.get(..length)?;
+    ([g0, g1] == [0, 0]).then(|| (u16::from_le_bytes([e0, e1]), value, &rest[length..]))
+}
+
+/// Elements behind their common length.
+fn with_length(elements: Vec<u8>) -> Vec<u8> {
+    let length = u32::try_from(elements.len()).unwrap_or_default();
+    [element(0x0000, &length.to_le_bytes()), elements].concat()
 }
 
 fn element(number: u16, value: &[u8]) -> Vec<u8> {
@@ -152,6 +196,17 @@ mod tests {
             Request::read(&bytes)
         };
         assert_eq!((with(8, b'/'), with(0, 8), with(22, 0x21)), (None, None, None));
+    }
+
+    #[test]
+    fn a_command_is_read_as_it_was_written_and_a_response_has_its_status() {
+        let [sop_class, sop_instance] = ["1.2.3", "4.5.67"].map(str::to_owned);
+        let echo = Request::Echo { message: 2, sop_class: sop_class.clone() };
+        let store = Request::Store { message: 7, sop_class, sop_instance };
+        assert_eq!(Request::read(&echo.command()), Some(echo));
+        assert_eq!(response_status(&store.response(Status::Duplicate)), Some(0x0111));
+        assert_eq!(response_status(&store.command()), None);
+        assert_eq!(Request::read(&store.command()), Some(store));
     }
 
     proptest! {

@@ -49,7 +49,7 @@ impl FromStr for AllowedCaller {
 }
 
 /// Whether a text can be an application entity title (PS3.5, AE).
-fn is_title(text: &str) -> bool {
+pub(super) fn is_title(text: &str) -> bool {
     let is_letter = |letter: u8| (b' '..=b'~').contains(&letter) && letter != b'\\';
     (1..=16).contains(&text.len()) && text.bytes().all(is_letter) && text.trim() == text
 }

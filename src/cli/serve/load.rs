@@ -2,8 +2,9 @@
 
 use std::io::ErrorKind;
 use std::panic::AssertUnwindSafe;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use tokio::sync::oneshot;
@@ -21,7 +22,7 @@ use relief_session::LoadedVolume;
 pub(crate) struct SeriesLocation {
     path: PathBuf,
     labels: Option<PathBuf>,
-    /// Of several below a prefix of a bucket or in an archive: the prefix, which of them it is, and of how many.
+    /// Of a bucket, an archive or a folder of received series: the prefix, which of them it is, and of how many.
     among: Option<(PathBuf, usize, usize)>,
 }
 
@@ -64,6 +65,11 @@ pub(crate) fn places(
 }
 
 impl SeriesLocation {
+    /// A folder of received files: they are read as those of buckets are.
+    pub(crate) fn received(folder: &Path) -> Self {
+        Self { path: folder.to_owned(), labels: None, among: Some((folder.to_owned(), 1, 1)) }
+    }
+
     /// The name for messages: below a prefix of a bucket and in an archive a number, because names
     /// there may be those of patients.
     fn name(&self) -> String {
@@ -86,12 +92,19 @@ pub(crate) struct SeriesLoader {
     pub(crate) of_buckets: Arc<dyn SeriesReader>,
 }
 
-/// Loads all series on a thread of its own. The receiver gets the error that ended it; nothing when
-/// all went well.
+/// The folders of series that have arrived since it was asked last.
+pub(crate) type Arrivals = Box<dyn Fn() -> Vec<PathBuf> + Send>;
+
+/// How often arrivals are asked for.
+const ARRIVALS: Duration = Duration::from_millis(200);
+
+/// Loads all series on a thread of its own, and then those that arrive. The receiver gets the error
+/// that ended it; nothing when all went well.
 pub(crate) fn load_behind(
     places: Vec<SeriesLocation>,
     loader: SeriesLoader,
     server: Arc<Server>,
+    arrivals: Option<Arrivals>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
@@ -101,6 +114,18 @@ pub(crate) fn load_behind(
         let panicked = |_| Err(anyhow::anyhow!("reading a series panicked; see the message above"));
         if let Err(error) = outcome.unwrap_or_else(panicked) {
             let _ = report.send(error);
+            return;
+        }
+        drop(report);
+        while let Some(arrivals) = &arrivals {
+            for folder in arrivals() {
+                // A panic of one leaves the others.
+                let arrived = AssertUnwindSafe(|| loading.arrived(&folder));
+                if std::panic::catch_unwind(arrived).is_err() {
+                    tracing::error!("reading a received series panicked");
+                }
+            }
+            std::thread::sleep(ARRIVALS);
         }
     })?;
     Ok(failed)
@@ -161,6 +186,15 @@ impl Loading<'_> {
             }
         }
         Ok(added)
+    }
+
+    /// Adds the series of a folder that was received.
+    fn arrived(&self, folder: &Path) {
+        let place = SeriesLocation::received(folder);
+        self.server.expect_volumes(1);
+        if let Err(error) = self.place(&place) {
+            self.leave_out(&place, &error);
+        }
     }
 
     fn leave_out(&self, place: &SeriesLocation, reason: &anyhow::Error) -> usize {

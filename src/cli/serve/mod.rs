@@ -7,6 +7,8 @@ mod faults;
 mod identity;
 mod load;
 mod readers;
+#[cfg(feature = "cluster")]
+mod receive;
 pub(crate) mod series;
 
 use std::net::{IpAddr, SocketAddr};
@@ -58,6 +60,7 @@ Examples:
   relief serve --series chest --series head --listen 127.0.0.1:0
   relief serve --series s3://archive/ct --cache /var/cache/relief     series of a bucket; AWS_... have credentials and endpoint
   relief serve --series 'dicomweb+https://ct-server/dicom-web?PatientID=4711'     series of a DICOM archive
+  relief serve --receive inbox --receive-caller PACS@10.0.0.7 --receive-listen 10.0.0.5:11112     series that arrive by the DICOM network
   relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
 
@@ -79,6 +82,9 @@ pub(super) struct ServeArguments {
     options: SeriesOptions,
     #[command(flatten)]
     copies: CopiesArguments,
+    #[cfg(feature = "cluster")]
+    #[command(flatten)]
+    reception: receive::ReceptionArguments,
     /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; created if it does
     /// not exist
     #[arg(long, value_name = "PLACE", env = "RELIEF_ANNOTATIONS", hide_env_values = true)]
@@ -154,7 +160,10 @@ enum Uploads {
 
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let copies = arguments.copies.copies()?;
-    let places = places(&arguments.series, &arguments.labels, &copies)?;
+    #[cfg_attr(not(feature = "cluster"), expect(unused_mut, reason = "nothing is received"))]
+    let mut places = places(&arguments.series, &arguments.labels, &copies)?;
+    #[cfg(feature = "cluster")]
+    places.extend(arguments.reception.kept()?);
     let admission = arguments.identity.admission(arguments.listen)?;
     let audit = arguments.identity.audit()?;
     let backend = arguments.adapter.open_backend()?;
@@ -189,8 +198,16 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     server.expect_volumes(places.len());
     let options = arguments.options.clone();
     let loader = SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? };
-    let load = |server| load_behind(places, loader, server);
+    #[cfg(feature = "cluster")]
+    let reception = arguments.reception.start()?;
+    #[cfg(feature = "cluster")]
+    let arrivals = reception.as_ref().map(receive::Reception::arrivals);
+    #[cfg(not(feature = "cluster"))]
+    let arrivals = None;
+    let load = |server| load_behind(places, loader, server, arrivals);
     let outcome = runtime.block_on(serve(arguments, tls, server, load));
+    #[cfg(feature = "cluster")]
+    drop(reception);
     service.shut_down();
     if let Some(log) = log {
         runtime.block_on(log.close());
