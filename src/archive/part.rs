@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_part_that_was_cut_off_is_not_done() {
-        assert_eq!(split(b"--b1\r\n\r\n\r\nwhole", 3), (b"".to_vec(), false));
+        assert_eq!(split(b"--b1\r\n\r\nwhole", 3), (b"".to_vec(), false));
         let long = [b"--b1\r\nA: b\r\n\r\n".to_vec(), vec![7; 100]].concat();
         let (part, is_done) = split(&long, 9);
         assert!(!is_done && part.len() < 100);

@@ -62,6 +62,9 @@ pub(super) struct WantedCopy<'a> {
 pub(super) struct Draft<'a> {
     shelf: &'a CopyFolder,
     wanted: &'a WantedCopy<'a>,
+    /// Becomes the copy.
+    made: PathBuf,
+    /// Of its files.
     folder: PathBuf,
     reserved: Mutex<u64>,
 }
@@ -144,7 +147,13 @@ impl CopyFolder {
         }
         let (made, _temporary) = self.draft_folder(wanted)?;
         std::fs::create_dir_all(made.join(FILES))?;
-        let draft = Draft { shelf: self, wanted, folder: made.join(FILES), reserved: Mutex::new(0) };
+        let draft = Draft {
+            shelf: self,
+            wanted,
+            made: made.clone(),
+            folder: made.join(FILES),
+            reserved: Mutex::new(0),
+        };
         let written = fetch(&draft)?;
         let mut lock = File::create(made.join(CONTENTS))?;
         lock.write_all(&serde_json::to_vec(&written)?)?;
@@ -164,12 +173,10 @@ impl CopyFolder {
         Ok((made.path().to_owned(), Some(made)))
     }
 
-    /// Removes unused copies, least recently used first, until this many bytes are free for a copy.
-    /// Needs the folder's lock.
-    fn make_room(&self, name: &str, needed: u64, allowed: u64) -> std::io::Result<()> {
-        let own = self.folder.join(format!("{INCOMPLETE}{name}"));
-        let mut known = self.known()?;
-        known.retain(|copy| copy.folder != own);
+    /// Removes unused copies, least recently used first, until this many bytes are free for the one
+    /// that is made in the folder `own`. Needs the folder's lock.
+    fn make_room(&self, own: &Path, needed: u64, allowed: u64) -> std::io::Result<()> {
+        let mut known = self.known(own)?;
         known.sort_by_key(|copy| copy.used);
         let mut used = known.iter().fold(0u64, |sum, copy| sum.saturating_add(copy.bytes));
         for copy in &known {
@@ -190,12 +197,15 @@ impl CopyFolder {
         Err(Error::new(ErrorKind::StorageFull, reason))
     }
 
-    /// The copies in the folder. Removes remnants of killed programs, and copies without a list of
+    /// The copies in the folder but `own`. Removes remnants of killed programs, and copies without a list of
     /// contents.
-    fn known(&self) -> std::io::Result<Vec<KnownCopy>> {
+    fn known(&self, own: &Path) -> std::io::Result<Vec<KnownCopy>> {
         let mut known = Vec::new();
         for entry in std::fs::read_dir(&self.folder)? {
             let folder = entry?.path();
+            if folder == own {
+                continue;
+            }
             let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if name.starts_with(UNDER_WAY) {
                 // No other program creates or removes copies now.
@@ -257,7 +267,7 @@ impl Draft<'_> {
         }
         // In steps, because the folder is read each time.
         let wanted = if *reserved == 0 { bytes } else { allowed.min(bytes + STEP) };
-        self.shelf.make_room(self.wanted.name, wanted, allowed)?;
+        self.shelf.make_room(&self.made, wanted, allowed)?;
         *reserved = wanted;
         Ok(())
     }
