@@ -10,7 +10,7 @@ pub const SCHEME: &str = "dicomweb+";
 /// Longest UID, characters (PS3.5).
 const LONGEST_UID: usize = 64;
 
-/// An archive, and what is wanted of it: everything, the matches of a query, a study, or a series.
+/// The address of an archive, of a study or a series in it, or of the series that match a query.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ArchiveAddress {
     /// The root of its services, such as `https://HOST/dicom-web`, without a slash at its end.
@@ -77,8 +77,8 @@ impl ArchiveAddress {
         Ok(Self { base: self.base.clone(), study: Some(study), series: Some(series), query: Vec::new() })
     }
 
-    /// Whether what follows lies in this address: the same archive, and the same study and series
-    /// where it has them. A query contains nothing that is known without the archive.
+    /// Whether `other` is in the same archive, and in the same study and series if this address names
+    /// them. An address with a query contains no other, because only the archive knows its matches.
     #[must_use]
     pub fn contains(&self, other: &Self) -> bool {
         let is_in = |own: &Option<String>, other: &Option<String>| own.is_none() || own == other;

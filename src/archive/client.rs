@@ -7,7 +7,7 @@ use reqwest::header::{ACCEPT, CONTENT_TYPE};
 use reqwest::{Client, Response, StatusCode, Url};
 use tokio::runtime::Runtime;
 
-use crate::access::{ArchiveAccess, Credentials};
+use crate::access::ArchiveAccess;
 use crate::address::ArchiveAddress;
 use crate::error::ArchiveError;
 
@@ -43,7 +43,7 @@ impl Archive {
         let client = access.client(builder)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
         let archive = Self { base: address.base().to_owned(), client, runtime };
-        if access.credentials.as_ref().is_some_and(|shown| archive.shows_openly(shown)) {
+        if access.credentials.is_some() && archive.is_open_to_others() {
             tracing::warn!(
                 "the address of the archive is http: others in the network can read the password or token"
             );
@@ -51,8 +51,8 @@ impl Archive {
         Ok(archive)
     }
 
-    /// Whether secrets travel without encryption beyond this machine.
-    fn shows_openly(&self, _: &Credentials) -> bool {
+    /// Whether requests travel beyond this machine without encryption.
+    fn is_open_to_others(&self) -> bool {
         let Ok(url) = Url::parse(&self.base) else { return false };
         let host = url.host_str().unwrap_or_default().trim_matches(['[', ']']);
         let is_near =

@@ -61,7 +61,7 @@ pub enum ArchiveError {
     Missing {
         /// The root of its services.
         archive: String,
-        /// What was wanted.
+        /// The missing resource.
         wanted: &'static str,
     },
     /// The archive answers with a failure.
@@ -79,9 +79,9 @@ pub enum ArchiveError {
     Answer {
         /// The root of its services.
         archive: String,
-        /// What it sent.
+        /// The content of the answer.
         found: &'static str,
-        /// What is prescribed.
+        /// The content that DICOMweb prescribes.
         expected: &'static str,
     },
     /// An answer is larger than allowed.

@@ -1,8 +1,7 @@
 //! DICOM archives: search (QIDO-RS), retrieval (WADO-RS) and storage (STOW-RS) by DICOMweb,
 //! PS3.18; and what archives send by the DICOM network, PS3.7 and PS3.8.
 //!
-//! An [`ArchiveAddress`] names an archive, and what is wanted of it: a study, a series, or the
-//! matches of a query. An [`Archive`] is a client of one. Retrieval writes the objects as they are
+//! An [`ArchiveAddress`] names an archive, a study or a series in it, or the matches of a query. An [`Archive`] is a client of one. Retrieval writes the objects as they are
 //! stored; it does not read them. A [`Receiver`] is a storage provider, which puts objects into an
 //! [`Inbox`], a folder.
 //!

@@ -169,7 +169,7 @@ fn text(attributes: &Map<String, Value>, tag: &str) -> String {
 }
 
 /// A UID that can be part of an address.
-fn uid(attributes: &Map<String, Value>, tag: &str) -> Option<String> {
+pub(crate) fn uid(attributes: &Map<String, Value>, tag: &str) -> Option<String> {
     let uid = text(attributes, tag);
     let is_uid =
         (1..=64).contains(&uid.len()) && uid.bytes().all(|letter| letter.is_ascii_digit() || letter == b'.');

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::client::Archive;
 use crate::error::ArchiveError;
-use crate::search::{JSON, LARGEST_ANSWER};
+use crate::search::{JSON, LARGEST_ANSWER, uid};
 
 /// A DICOM file with the UIDs that it has.
 #[derive(Clone)]
@@ -56,7 +56,8 @@ impl Archive {
         let OutgoingObject { study, series, instance, .. } = object;
         let path = format!("/studies/{study}/series/{series}/instances");
         match self.page(&path, &[("SOPInstanceUID", instance)], "object").await {
-            Ok(found) => Ok(!found.is_empty()),
+            // Some archives ignore the attribute, and list all instances.
+            Ok(found) => Ok(found.iter().any(|one| uid(one, "00080018").as_deref() == Some(instance))),
             Err(ArchiveError::Missing { .. }) => Ok(false),
             Err(error) => Err(error),
         }
@@ -70,12 +71,16 @@ impl Archive {
             return Err(self.answer("another status", "the outcome of a storage"));
         }
         let answer = self.body(response, LARGEST_ANSWER).await?;
-        let answer = serde_json::from_slice::<Value>(&answer).unwrap_or_default();
+        let not_json = || self.answer("something else", "the outcome of a storage in DICOM's JSON");
+        let answer = serde_json::from_slice::<Value>(&answer).map_err(|_| not_json())?;
         // Some archives put the outcome into a list.
         let answer = answer.get(0).unwrap_or(&answer);
         let failed = answer.get("00081198").and_then(|failed| failed.get("Value")?.get(0));
-        if failed.is_none() && status != StatusCode::CONFLICT {
-            return Ok(StoreOutcome::Stored);
+        let is_stored = answer.get("00081199").is_some_and(|stored| stored.get("Value").is_some());
+        match failed {
+            None if is_stored && status != StatusCode::CONFLICT => return Ok(StoreOutcome::Stored),
+            None if status != StatusCode::CONFLICT => return Err(not_json()),
+            _ => {}
         }
         let reason = failed.and_then(|failed| failed.get("00081197")?.get("Value")?.get(0)?.as_u64());
         Ok(StoreOutcome::Refused { reason: reason.and_then(|reason| u16::try_from(reason).ok()) })

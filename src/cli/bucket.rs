@@ -66,7 +66,7 @@ impl CopiesArguments {
         self.copies_below(Vec::new(), None, CopyProgress::default())
     }
 
-    /// Copies of one series that somebody waits for: progress is shown on stderr.
+    /// Copies for a command that loads one series: progress is shown on stderr.
     ///
     /// # Errors
     /// As for `copies`.

@@ -106,7 +106,7 @@ enum Store<'a> {
 /// Largest file that is sent, bytes.
 const LARGEST_FILE: u64 = 1 << 30;
 
-/// What became of an object, and the file or files that it is made of.
+/// The outcome for an object, and the files that it was made from.
 #[derive(Serialize)]
 struct SentObject {
     files: Vec<PathBuf>,
@@ -115,7 +115,7 @@ struct SentObject {
     reason: Option<u16>,
 }
 
-/// An object, and what it is made of.
+/// An object, and the files that it was made from.
 struct Prepared {
     files: Vec<PathBuf>,
     bytes: Vec<u8>,

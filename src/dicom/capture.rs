@@ -71,7 +71,7 @@ pub enum CaptureError {
 /// An object with the pictures, which are frames of it where there are several.
 ///
 /// # Errors
-/// When there is none, their sizes differ, or they are too large.
+/// When no picture is given, when the sizes of pictures differ, or when they are too large.
 pub fn write_capture(
     pictures: &[CapturedPicture],
     series: &SeriesReference,

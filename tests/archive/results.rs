@@ -151,12 +151,16 @@ fn an_archive_that_stores_nothing_is_an_error() {
     for (status, body, expected) in [
         ("409 Conflict", failed.to_string(), "refused (failure reason 0x0110)"),
         ("202 Accepted", failed[0].to_string(), "refused (failure reason 0x0110)"),
+        ("200 OK", "<html>".to_owned(), "sends something else where the outcome of a storage"),
+        ("200 OK", "{}".to_owned(), "sends something else where the outcome of a storage"),
         ("413 Payload Too Large", String::new(), "answers with status 413"),
         ("404 Not Found", String::new(), "no such service for storage (STOW-RS)"),
     ] {
+        // The list has another instance than the one that was searched for.
+        let other = json!([{ "00080018": { "vr": "UI", "Value": ["1.2"] } }]).to_string();
         let archive = StandIn::start(move |path, stream| match path.ends_with("/studies") {
             true => reply(stream, status, "application/dicom+json", body.as_bytes()),
-            false => reply(stream, "200 OK", "application/dicom+json", b"[]"),
+            false => reply(stream, "200 OK", "application/dicom+json", other.as_bytes()),
         });
         let mut command = relief(&["send", "--to", &archive.address("")]);
         let sent = command.arg(&slice).env("NO_PROXY", "*").output().unwrap();

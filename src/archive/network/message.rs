@@ -4,9 +4,9 @@
 pub(super) const LARGEST_COMMAND: usize = 64 << 10;
 const ECHO_REQUEST: u16 = 0x0030;
 const STORE_REQUEST: u16 = 0x0001;
-/// What makes a response of a request.
+/// The bit of Command Field that marks a response.
 const RESPONSE: u16 = 0x8000;
-/// The value of Command Data Set Type that says there is none.
+/// The Command Data Set Type of a message without a data set.
 const NO_DATA_SET: u16 = 0x0101;
 
 /// A status of a response (PS3.7 annex C, PS3.4 table B.2-1).
@@ -108,7 +108,7 @@ impl Request {
     }
 }
 
-/// The status of a response; `None` where the bytes are none.
+/// The status of a response; `None` if the bytes are not a response to C-STORE.
 pub(super) fn response_status(mut command: &[u8]) -> Option<u16> {
     let (mut field, mut status) = (None, None);
     while !command.is_empty() {
