@@ -24,6 +24,7 @@ mod inspect;
 mod isolation;
 mod labels;
 mod light;
+mod manual;
 mod memory;
 mod output;
 mod panel;
@@ -112,6 +113,7 @@ enum Command {
     Batch(batch::BatchArguments),
     Golden(golden::GoldenArguments),
     Doctor(doctor::DoctorArguments),
+    Manual(manual::ManualArguments),
 }
 
 /// Parses the command line, runs the subcommand and reports errors.
@@ -153,6 +155,7 @@ pub fn main() -> ExitCode {
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
+        Command::Manual(arguments) => manual::run(&arguments),
     };
     let failed = |error| {
         eprintln!("relief: {}", output::report(&error));

@@ -57,7 +57,7 @@ pub enum RenderError {
     /// none.
     #[error(
         "{part} cannot be rendered on the processor alone, and there is no graphics adapter for it: {source}; \
-         scripts/setup-driver fetches a software driver"
+         install a Vulkan driver (`relief doctor` says which)"
     )]
     BeyondProcessor {
         /// The part of the request.

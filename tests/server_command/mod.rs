@@ -7,6 +7,7 @@
 mod faults;
 mod hostile;
 mod identity;
+mod packages;
 mod privacy;
 mod traces;
 

@@ -39,12 +39,12 @@ pub(super) struct DoctorArguments {
 
 /// How to get a driver.
 const GET_A_DRIVER: [&str; 2] = [
-    "run scripts/setup-driver, then `. scripts/env.sh`",
-    "or install one: mesa-vulkan-drivers and libvulkan1 (Debian, Ubuntu), mesa-vulkan-drivers (Fedora)",
+    "install one: mesa-vulkan-drivers and libvulkan1 (Debian, Ubuntu), mesa-vulkan-drivers (Fedora)",
+    "or, in a copy of the source, run scripts/setup-driver, then `. scripts/env.sh`",
 ];
 const GET_A_LOADER: [&str; 2] = [
-    "run scripts/setup-driver, then `. scripts/env.sh`",
-    "or install it: libvulkan1 (Debian, Ubuntu), vulkan-loader (Fedora), vulkan-icd-loader (Arch)",
+    "install it: libvulkan1 (Debian, Ubuntu), vulkan-loader (Fedora), vulkan-icd-loader (Arch)",
+    "or, in a copy of the source, run scripts/setup-driver, then `. scripts/env.sh`",
 ];
 
 const ANOTHER_ADAPTER: [&str; 1] =
