@@ -77,6 +77,14 @@ impl ArchiveAddress {
         Ok(Self { base: self.base.clone(), study: Some(study), series: Some(series), query: Vec::new() })
     }
 
+    /// The address of the series of the same archive, study and series that match a query: DICOM
+    /// keywords or tags, with values.
+    #[must_use]
+    pub fn matching<'a>(&self, query: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
+        let query = query.into_iter().map(|(name, value)| (name.to_owned(), value.to_owned()));
+        Self { query: query.collect(), ..self.clone() }
+    }
+
     /// Whether `other` is in the same archive, and in the same study and series if this address names
     /// them. An address with a query contains no other, because only the archive knows its matches.
     #[must_use]

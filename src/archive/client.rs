@@ -89,6 +89,9 @@ impl Archive {
             .map_err(|_| self.answer("an unusable address", "a URL"))?;
         if !query.is_empty() {
             url.query_pairs_mut().extend_pairs(query);
+            // Forms write a space as +, which is a plus in other addresses (RFC 3986).
+            let encoded = url.query().map(|query| query.replace('+', "%20"));
+            url.set_query(encoded.as_deref());
         }
         let request = self.client.get(url).header(ACCEPT, accepted);
         self.successful(request.send().await.map_err(|error| self.unreachable(error))?, wanted)

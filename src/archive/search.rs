@@ -45,8 +45,15 @@ pub struct FoundSeries {
 }
 
 /// Attributes that are wanted beside those that a search always returns.
-const FIELDS: [&str; 4] =
-    ["SeriesDescription", "StudyDescription", "BodyPartExamined", "NumberOfSeriesRelatedInstances"];
+const FIELDS: [&str; 7] = [
+    "PatientName",
+    "PatientID",
+    "StudyDate",
+    "SeriesDescription",
+    "StudyDescription",
+    "BodyPartExamined",
+    "NumberOfSeriesRelatedInstances",
+];
 
 impl Archive {
     /// The series that match an address, by date of the study, study and series.

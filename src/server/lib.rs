@@ -33,6 +33,7 @@
 
 mod annotation_service;
 mod annotations;
+mod archives;
 mod audit;
 mod camera;
 mod dicomweb;
@@ -77,6 +78,7 @@ use state::AppState;
 /// A header name, for [`TrustedProxy`].
 pub use axum::http::HeaderName;
 
+pub use archives::{ArchivedSeries, LoadSteps, SeriesArchives, SeriesQuery};
 pub use audit::{AuditError, AuditLog, AuditSummary, verify_audit_log};
 pub use identity::{
     Admission, NewToken, Scope, TokenEntry, TokenFileError, Tokens, TrustedProxy, add_token, read_tokens,
@@ -122,6 +124,9 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/session/{view}/mjpeg", get(live::mjpeg))
         .route("/v1/session/{view}/frame", get(live::next_frame))
         .route("/v1/session/{view}/intent", post(live::intent))
+        .route("/v1/archives", get(archives::list))
+        .route("/v1/archives/{archive}/search", post(archives::search))
+        .route("/v1/archives/{archive}/series/{key}", get(archives::state).post(archives::load))
         .route("/v1/presets", get(info::presets))
         .route("/metrics", get(info::metrics))
         .merge(annotations::routes())

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 77] = [
+const FILES: [(&str, &str, &str); 79] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -42,6 +42,8 @@ const FILES: [(&str, &str, &str); 77] = [
     ("/stage.css", STYLE, include_str!("page/stage.css")),
     ("/panel.css", STYLE, include_str!("page/panel.css")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
+    ("/archives.js", SCRIPT, include_str!("page/archives.js")),
+    ("/archives.css", STYLE, include_str!("page/archives.css")),
     ("/app.js", SCRIPT, include_str!("page/app.js")),
     ("/state.js", SCRIPT, include_str!("page/state.js")),
     ("/address.js", SCRIPT, include_str!("page/address.js")),

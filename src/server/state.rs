@@ -12,6 +12,7 @@ use axum::http::request::Parts;
 use tokio::sync::Semaphore;
 
 use super::annotation_service::Annotations;
+use super::archives::{Archives, SeriesArchives};
 use super::audit::AuditLog;
 use super::identity::{Admission, Tickets};
 use super::live::{Live, LiveConfig};
@@ -184,6 +185,7 @@ pub struct Server {
     pub(super) live: Arc<Live>,
     pub(super) uploads: Uploads,
     pub(super) annotations: Option<Arc<Annotations>>,
+    pub(super) archives: Option<Arc<Archives>>,
     pub(super) tickets: Arc<Tickets>,
     pub(super) requests: Arc<Shares>,
     turns: Arc<Turns>,
@@ -276,6 +278,7 @@ parts! {
     Arc<Tickets> = tickets,
     Uploads = uploads,
     Option<Arc<Annotations>> = annotations,
+    Option<Arc<Archives>> = archives,
     Started = started,
 }
 
@@ -312,6 +315,7 @@ impl Server {
                 turn: Arc::new(Semaphore::new(1)),
             },
             annotations: None,
+            archives: None,
             tickets: Arc::default(),
             requests: Arc::new(Shares::new(config.requests_per_caller)),
             turns: Arc::default(),
@@ -339,6 +343,14 @@ impl Server {
     #[must_use]
     pub fn annotating(self, store: Store) -> Self {
         Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
+    }
+
+    /// Sets the archives that clients may search and load series from; without them there are none.
+    ///
+    /// # Errors
+    /// When the system has no random numbers.
+    pub fn searching(self, archives: Box<dyn SeriesArchives>) -> std::io::Result<Self> {
+        Ok(Self { archives: Some(Arc::new(Archives::new(archives)?)), ..self })
     }
 
     /// Sets the log of requests; without one they are not recorded.

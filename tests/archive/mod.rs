@@ -7,6 +7,7 @@
 
 mod faults;
 mod orthanc;
+mod page;
 mod receive;
 mod results;
 mod series;

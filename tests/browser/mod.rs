@@ -22,7 +22,7 @@ use serde_json::Value;
 const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
 /// Chromium by `RELIEF_CHROMIUM`, or by the names that it goes by.
-fn chromium() -> Option<PathBuf> {
+pub(crate) fn chromium() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("RELIEF_CHROMIUM") {
         return Some(named.into());
     }
@@ -34,7 +34,7 @@ fn chromium() -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-fn python() -> Option<std::ffi::OsString> {
+pub(crate) fn python() -> Option<std::ffi::OsString> {
     let name = std::env::var_os("RELIEF_PEERS_PYTHON").filter(|name| !name.is_empty())?;
     let imported =
         Command::new(&name).args(["-c", "import playwright.sync_api"]).stderr(Stdio::null()).status();
@@ -68,7 +68,7 @@ fn driven(script: &str, size: &str, reports: bool) -> Option<Value> {
 }
 
 /// Says aloud that a test did not run.
-fn skipped(what: &str) {
+pub(crate) fn skipped(what: &str) {
     eprintln!("SKIPPED: {what} (no Chromium, or RELIEF_PEERS_PYTHON names no Python with playwright)");
 }
 

@@ -15,6 +15,8 @@ import time
 import urllib.parse
 import urllib.request
 
+import axe_playwright_python
+
 SHOTS = os.environ.get("RELIEF_PAGE_SHOTS")
 FILES = os.environ.get("RELIEF_PAGE_FILES") and pathlib.Path(os.environ["RELIEF_PAGE_FILES"])
 SIZE = {"width": 1280, "height": 720}
@@ -29,6 +31,30 @@ def page_files():
 
 def from_disk(path):
     return lambda route: route.fulfill(body=path.read_bytes(), content_type=TYPES[path.suffix] + "; charset=utf-8")
+
+
+#: axe-core, the accessibility checks of Deque, as its Python package has them.
+AXE = (pathlib.Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+#: The violations of a page: rule, impact and elements.
+VIOLATIONS = """
+axe.run(document, { resultTypes: ['violations'] }).then(({ violations, passes }) => ({
+  passes: passes.length,
+  violations: violations.map(({ id, impact, nodes }) => [id, impact, nodes.map(({ html, failureSummary }) => [html.slice(0, 160), failureSummary])]),
+}))
+"""
+
+
+def accessibility(page):
+    """What axe-core finds in a page as it is shown."""
+    page.page.evaluate(AXE)
+    return page.page.evaluate(VIOLATIONS)
+
+
+def settled(page):
+    """The picture of the page of the volume is whole."""
+    page.wait("document.getElementById('timing').innerText.includes('in all') && !document.getElementById('busy').classList.contains('on')", 60)
+    page.page.wait_for_timeout(400)
+    page.wait("!document.getElementById('busy').classList.contains('on')", 60)
 
 
 def launched(playwright, chromium):

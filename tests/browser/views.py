@@ -10,8 +10,7 @@ import sys
 import time
 import urllib.parse
 
-import axe_playwright_python
-from pages import Page, Server, Window, launched
+from pages import Page, Server, Window, accessibility, launched, settled
 from playwright.sync_api import sync_playwright
 
 RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
@@ -31,30 +30,6 @@ OUTSIDE = """
   return box.left < -1 || box.right > innerWidth + 1;
 }).map((control) => control.outerHTML.slice(0, 90))
 """
-
-
-#: axe-core, the accessibility checks of Deque, as its Python package has them.
-AXE = (pathlib.Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
-#: The violations of a page: rule, impact and elements.
-VIOLATIONS = """
-axe.run(document, { resultTypes: ['violations'] }).then(({ violations, passes }) => ({
-  passes: passes.length,
-  violations: violations.map(({ id, impact, nodes }) => [id, impact, nodes.map(({ html, failureSummary }) => [html.slice(0, 160), failureSummary])]),
-}))
-"""
-
-
-def accessibility(page):
-    """What axe-core finds in a page as it is shown."""
-    page.page.evaluate(AXE)
-    return page.page.evaluate(VIOLATIONS)
-
-
-def settled(page):
-    """The picture of the page of the volume is whole."""
-    page.wait("document.getElementById('timing').innerText.includes('in all') && !document.getElementById('busy').classList.contains('on')", 60)
-    page.page.wait_for_timeout(400)
-    page.wait("!document.getElementById('busy').classList.contains('on')", 60)
 
 
 def kept(page):

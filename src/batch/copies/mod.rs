@@ -105,6 +105,12 @@ impl Copies {
         }
     }
 
+    /// The same copies, which notify another one of the progress of retrievals.
+    #[must_use]
+    pub fn with_progress(&self, progress: CopyProgress) -> Self {
+        Self { options: CopiesOptions { progress, ..self.options.clone() }, ..self.clone() }
+    }
+
     /// The files that a path leads to: itself; where it is `s3://BUCKET/KEY`, a copy of the object
     /// or of all that lies below; where it is the address of an archive, a copy of its series. Must
     /// not be called inside an executor.

@@ -15,7 +15,7 @@ use crate::source::SeriesOptions;
 use relief_batch::{Copies, Location};
 use relief_render::VolumeLimits;
 use relief_server::Server;
-use relief_session::LoadedVolume;
+use relief_session::{LoadedVolume, MemoryFull, VolumeReader};
 
 /// A place that there is a series in.
 #[derive(Clone, Debug)]
@@ -70,6 +70,17 @@ impl SeriesLocation {
         Self { path: folder.to_owned(), labels: None, among: Some((folder.to_owned(), 1, 1)) }
     }
 
+    /// A series of an archive.
+    #[cfg(feature = "cluster")]
+    pub(crate) fn of_archive(path: PathBuf, archive: &relief_archive::ArchiveAddress) -> Self {
+        Self { path, labels: None, among: Some((PathBuf::from(archive.to_string()), 1, 1)) }
+    }
+
+    #[cfg(feature = "cluster")]
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The name for messages: below a prefix of a bucket and in an archive a number, because names
     /// there may be those of patients.
     fn name(&self) -> String {
@@ -102,7 +113,7 @@ const ARRIVALS: Duration = Duration::from_millis(200);
 /// that ended it; nothing when all went well.
 pub(crate) fn load_behind(
     places: Vec<SeriesLocation>,
-    loader: SeriesLoader,
+    loader: Arc<SeriesLoader>,
     server: Arc<Server>,
     arrivals: Option<Arrivals>,
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
@@ -132,8 +143,32 @@ pub(crate) fn load_behind(
 }
 
 impl SeriesLoader {
-    fn reader(&self, place: &SeriesLocation) -> Arc<dyn SeriesReader> {
+    pub(crate) fn reader(&self, place: &SeriesLocation) -> Arc<dyn SeriesReader> {
         if place.among.is_some() { Arc::clone(&self.of_buckets) } else { Arc::new(InProcess) }
+    }
+
+    /// Reads a series, with room made before, and a way to read its voxels again.
+    pub(crate) fn read(
+        &self,
+        place: &SeriesLocation,
+        options: &SeriesOptions,
+        make_room: &dyn Fn(u64) -> Result<(), MemoryFull>,
+    ) -> anyhow::Result<(LoadedVolume, VolumeReader)> {
+        let reader = self.reader(place);
+        let local = self.copies.local(&place.path)?;
+        let wanted = |dims: [usize; 3]| {
+            self.limits.plan(dims)?;
+            let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
+            Ok(make_room(bytes)?)
+        };
+        let loaded = reader.read(local.path(), options, &wanted)?;
+        drop(local); // a copy may go when there is no room for others
+        let (copies, path, options) = (self.copies.clone(), place.path.clone(), options.clone());
+        let again = move || {
+            let local = copies.local(&path).map_err(|_| Unreadable)?;
+            Ok(reader.read(local.path(), &options, &|_| Ok(())).map_err(|_| Unreadable)?.volume)
+        };
+        Ok((loaded, Arc::new(again)))
     }
 }
 
@@ -205,23 +240,11 @@ impl Loading<'_> {
 
     /// Loads a series and its label map, with room made before and a way to read it again.
     fn series(&self, place: &SeriesLocation, options: &SeriesOptions) -> anyhow::Result<()> {
-        let (reader, copies) = (self.loader.reader(place), &self.loader.copies);
-        let local = copies.local(&place.path)?;
-        let wanted = |dims: [usize; 3]| {
-            self.loader.limits.plan(dims)?;
-            let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
-            Ok(self.server.make_room(bytes)?)
-        };
-        let served = reader.read(local.path(), options, &wanted)?;
-        drop(local); // a copy may go when there is no room for others
-        let (copies, path, options) = (copies.clone(), place.path.clone(), options.clone());
-        let read = move || {
-            let local = copies.local(&path).map_err(|_| Unreadable)?;
-            Ok(reader.read(local.path(), &options, &|_| Ok(())).map_err(|_| Unreadable)?.volume)
-        };
+        let make_room = |bytes| self.server.make_room(bytes);
+        let (served, read) = self.loader.read(place, options, &make_room)?;
         let labels = place.labels.as_deref();
         let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
-        let entry = self.server.add_series(LoadedVolume { labels, ..served }, Arc::new(read))?;
+        let entry = self.server.add_series(LoadedVolume { labels, ..served }, read)?;
         eprintln!("volume {}: {}; /#volume={0} shows it", entry.id, entry.name());
         Ok(())
     }

@@ -3,6 +3,8 @@
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when
 //! frames can be had.
 
+#[cfg(feature = "cluster")]
+mod archives;
 mod faults;
 mod identity;
 mod load;
@@ -60,6 +62,7 @@ Examples:
   relief serve --series chest --series head --listen 127.0.0.1:0
   relief serve --series s3://archive/ct --cache /var/cache/relief     series of a bucket; AWS_... have credentials and endpoint
   relief serve --series 'dicomweb+https://ct-server/dicom-web?PatientID=4711'     series of a DICOM archive
+  relief serve --archive pacs=dicomweb+https://ct-server/dicom-web     series that are searched and loaded on the page
   relief serve --receive inbox --receive-caller PACS@10.0.0.7 --receive-listen 10.0.0.5:11112     series that arrive by the DICOM network
   relief serve --series head --annotations postgres://relief@db/relief --listen-when-loaded   one of several servers
   curl -o frame.png 'http://127.0.0.1:8080/v1/volumes/ID/frame?preset=bone&azimuth_deg=30'
@@ -82,6 +85,11 @@ pub(super) struct ServeArguments {
     options: SeriesOptions,
     #[command(flatten)]
     copies: CopiesArguments,
+    /// A DICOM archive that the page searches and loads series from, by this name; for callers who
+    /// may add volumes; may be given several times
+    #[cfg(feature = "cluster")]
+    #[arg(long, value_name = "NAME=ADDRESS")]
+    archive: Vec<archives::NamedArchive>,
     #[cfg(feature = "cluster")]
     #[command(flatten)]
     reception: receive::ReceptionArguments,
@@ -193,11 +201,17 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     if let Some(audit) = audit {
         server = server.audited(audit);
     }
+    let options = arguments.options.clone();
+    let loader =
+        Arc::new(SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? });
+    #[cfg(feature = "cluster")]
+    if !arguments.archive.is_empty() {
+        let archives = archives::SearchedArchives::new(&arguments.archive, Arc::clone(&loader))?;
+        server = server.searching(Box::new(archives))?;
+    }
     let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);
     let server = Arc::new(server);
     server.expect_volumes(places.len());
-    let options = arguments.options.clone();
-    let loader = SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? };
     #[cfg(feature = "cluster")]
     let reception = arguments.reception.start()?;
     #[cfg(feature = "cluster")]

@@ -150,7 +150,7 @@ pub(super) fn created(events: &[(Event, Home)]) -> Response {
     (StatusCode::CREATED, Json(json!({ "events": events_json(events) }))).into_response()
 }
 
-pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+pub(crate) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
     let mut reader = serde_json::Deserializer::from_slice(body);
     serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
 }

@@ -1,6 +1,7 @@
 // The page: wires controls, pointer and keyboard to the state, and the state to the stage.
 
 import { recall, remember } from "./address.js";
+import { showArchives } from "./archives.js";
 import { Cine } from "./cine.js";
 import { Crop } from "./crop.js";
 import { Planes } from "./planes.js";
@@ -328,8 +329,7 @@ onFile($("stage"), [$("upload-button"), $("empty-button")], $("upload"), async (
   notify(`Reading ${file.name} …`);
   try {
     const { id } = await uploadZip(file);
-    await listVolumes();
-    showVolume(volumes.find((volume) => volume.id === id));
+    await showVolumeOf(id);
   } catch (error) {
     showFailure(Object.assign(error, { message: `${file.name}: ${error.message}` }));
   }
@@ -371,6 +371,12 @@ function showVolume(volume) {
   if (!$("adapter").textContent) describeAdapter().catch(showFailure);
 }
 
+/** Displays a volume that has just been added. */
+async function showVolumeOf(id) {
+  await listVolumes();
+  showVolume(volumes.find((volume) => volume.id === id));
+}
+
 async function listVolumes() {
   const listed = await (await request("/v1/volumes")).json();
   volumes = listed.volumes;
@@ -396,6 +402,7 @@ async function awaitVolumes(wanted) {
 
 async function start() {
   await showIdentity($("identity"));
+  await showArchives({ loaded: showVolumeOf });
   const known = await (await request("/v1/presets")).json();
   presets = known.presets;
   grid.fill(presets);

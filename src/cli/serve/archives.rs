@@ -1,0 +1,125 @@
+//! `relief serve --archive`: series that clients find in DICOM archives and load.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use relief_archive::ArchiveAddress;
+use relief_batch::CopyProgress;
+use relief_server::{ArchivedSeries, LoadError, LoadSteps, SeriesArchives, SeriesQuery};
+use relief_session::{LoadedVolume, VolumeReader};
+
+use crate::serve::load::{SeriesLoader, SeriesLocation};
+
+/// The modality of the series that are found.
+const MODALITY: &str = "CT";
+
+/// An archive that clients may search, by the name that the pages show.
+#[derive(Clone, Debug)]
+pub(crate) struct NamedArchive {
+    name: String,
+    address: ArchiveAddress,
+}
+
+/// Why a text does not name an archive.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NamedArchiveError {
+    /// It has no name.
+    #[error("write NAME=dicomweb+https://HOST/ROOT")]
+    Form,
+    /// The name cannot be part of a path.
+    #[error("the name of an archive has 1 to 40 letters, digits, hyphens and underscores")]
+    Name,
+    /// The address is invalid.
+    #[error(transparent)]
+    Address(#[from] relief_archive::AddressError),
+    /// It is the address of a part of the archive.
+    #[error("give the address of the whole archive, without studies and without a query")]
+    Part,
+}
+
+impl std::str::FromStr for NamedArchive {
+    type Err = NamedArchiveError;
+
+    fn from_str(text: &str) -> Result<Self, NamedArchiveError> {
+        let (name, address) = text.split_once('=').ok_or(NamedArchiveError::Form)?;
+        let is_letter = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '-' | '_');
+        if !(1..=40).contains(&name.len()) || !name.chars().all(is_letter) {
+            return Err(NamedArchiveError::Name);
+        }
+        let address: ArchiveAddress = address.parse()?;
+        if address.study().is_some() || !address.query().is_empty() {
+            return Err(NamedArchiveError::Part);
+        }
+        Ok(Self { name: name.to_owned(), address })
+    }
+}
+
+/// The archives of `--archive`, and how their series are read.
+pub(crate) struct SearchedArchives {
+    names: Vec<String>,
+    addresses: Vec<ArchiveAddress>,
+    loader: Arc<SeriesLoader>,
+}
+
+impl SearchedArchives {
+    /// # Errors
+    /// When two archives have one name.
+    pub(crate) fn new(archives: &[NamedArchive], loader: Arc<SeriesLoader>) -> anyhow::Result<Self> {
+        let names: Vec<String> = archives.iter().map(|archive| archive.name.clone()).collect();
+        if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+            anyhow::bail!("two archives have the name {} (--archive)", twice.1);
+        }
+        let addresses = archives.iter().map(|archive| archive.address.clone()).collect();
+        Ok(Self { names, addresses, loader })
+    }
+}
+
+impl SeriesArchives for SearchedArchives {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn search(&self, archive: usize, query: &SeriesQuery) -> Result<Vec<ArchivedSeries>, LoadError> {
+        let attributes = query.attributes().chain([("Modality", MODALITY)]);
+        let address = self.addresses[archive].matching(attributes);
+        let found = self.loader.copies.found_in_archive(&address)?;
+        // An archive may ignore attributes that it does not know.
+        let found = found.into_iter().filter(|series| series.modality == MODALITY);
+        Ok(found
+            .map(|series| ArchivedSeries {
+                study_uid: series.study_uid,
+                series_uid: series.series_uid,
+                study_date: series.study_date,
+                body_part: series.body_part,
+                instances: series.instances,
+                description: series.description,
+                patient_id: series.patient_id,
+                patient_name: series.patient_name,
+            })
+            .collect())
+    }
+
+    fn load(
+        &self,
+        archive: usize,
+        series: &ArchivedSeries,
+        steps: &LoadSteps<'_>,
+    ) -> Result<(LoadedVolume, VolumeReader), LoadError> {
+        let archive = &self.addresses[archive];
+        let address = archive.of_series(&series.study_uid, &series.series_uid)?;
+        let place = SeriesLocation::of_archive(PathBuf::from(address.to_string()), archive);
+        let progress = Arc::clone(&steps.progress);
+        let copies =
+            self.loader.copies.with_progress(CopyProgress::new(move |done, files| progress(done, files)));
+        // Retrieved before it is read, which finds the copy.
+        let local = copies.local(place.path())?;
+        let reader = self.loader.reader(&place);
+        let options =
+            reader.list(local.path(), &self.loader.options).map_err(|error| format!("{error:#}"))?;
+        let [options] = &*options else {
+            return Err(format!("{} series have one UID, expected one", options.len()).into());
+        };
+        let read = self.loader.read(&place, options, steps.make_room);
+        Ok(read.map_err(|error| format!("{error:#}"))?)
+    }
+}

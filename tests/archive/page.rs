@@ -1,0 +1,157 @@
+//! The search of a server over archives: over HTTP, and on the page in Chromium.
+
+use std::process::Command;
+
+use serde_json::{Value, json};
+
+use super::orthanc::{Orthanc, Wanted};
+use crate::browser::{chromium, python, skipped};
+use crate::cluster::stage::{Answer, Process, ask, get, lone, phantom, until, volumes};
+
+/// A server with this archive, and its address; its log is in the folder.
+fn searching(orthanc: &Orthanc, folder: &std::path::Path, more: &[&str]) -> (Process, String) {
+    let archive = format!("pacs={}", orthanc.address(""));
+    let mut command = orthanc.relief(&["serve", "--listen", "127.0.0.1:0", "--archive", &archive]);
+    let errors = std::fs::File::create(folder.join("serve.log")).unwrap();
+    let (process, lines) = Process::start(command.args(more).env("RELIEF_LOG", "debug").stderr(errors));
+    let address = lines[0].split_once("http://").unwrap().1.trim_end_matches('/').to_owned();
+    (process, address)
+}
+
+fn post(address: &str, path: &str, body: &Value) -> Answer {
+    ask(address, &format!("POST {path}"), "Content-Type: application/json\r\n", &body.to_string()).unwrap()
+}
+
+fn found(address: &str, query: &Value) -> Vec<Value> {
+    let answer = post(address, "/v1/archives/pacs/search", query);
+    assert_eq!(answer.status, 200, "{}", String::from_utf8_lossy(&answer.body));
+    answer.json()["series"].as_array().unwrap().clone()
+}
+
+/// The number of DICOM files in a folder.
+fn slices(folder: &std::path::Path) -> usize {
+    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+    files.filter(|path| path.extension().is_some_and(|ending| ending == "dcm")).count()
+}
+
+/// Loads a series, and returns the last state.
+fn loaded(address: &str, key: &str) -> Value {
+    let path = format!("/v1/archives/pacs/series/{key}");
+    let begun = post(address, &path, &json!({}));
+    assert_eq!(begun.status, 202);
+    let mut last = begun.json();
+    until("a series of an archive is loaded", || {
+        last = get(address, &path, "").json();
+        matches!(last["state"].as_str().unwrap(), "ready" | "failed")
+    });
+    last
+}
+
+/// Invariant: A series that is found in an archive and loaded on demand has the id of its files, and
+/// neither answers nor logs have its UIDs; names of patients are shown where the operator wants it.
+#[test]
+fn a_series_is_found_by_a_search_and_loaded_on_demand() {
+    let Some(orthanc) = Orthanc::start("searches of archives", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["head", "sphere"].map(|kind| phantom(folder.path(), kind));
+    files.iter().for_each(|series| orthanc.store(series));
+    let listed = orthanc.relief(&["inspect", &orthanc.address(""), "--json"]).output().unwrap();
+    let listed: Value = serde_json::from_slice(&listed.stdout).unwrap();
+    let head = listed.as_array().unwrap().iter().find(|one| one["instances"] == slices(&files[0]));
+    let head = head.unwrap_or_else(|| panic!("{listed}"));
+
+    let (_process, address) = searching(&orthanc, folder.path(), &[]);
+    assert_eq!(get(&address, "/v1/archives", "").json(), json!({ "archives": ["pacs"] }));
+    let everything = found(&address, &json!({ "patient_id": "*" }));
+    assert_eq!(everything.len(), 2, "{everything:?}");
+    let by_description = found(&address, &json!({ "description": "*phantom*head" }));
+    assert_eq!(by_description.len(), 1, "{by_description:?}");
+    assert_eq!(by_description[0]["instances"], slices(&files[0]));
+    assert!(by_description[0].get("description").is_none() && by_description[0].get("patient_id").is_none());
+    assert_eq!(found(&address, &json!({ "patient_id": "nobody" })), Vec::<Value>::new());
+
+    let key = by_description[0]["key"].as_str().unwrap();
+    let last = loaded(&address, key);
+    let (_local, local) = lone(&files[..1]);
+    assert_eq!(last, json!({ "state": "ready", "volume": volumes(&local)[0] }));
+    assert_eq!(volumes(&address), volumes(&local));
+    assert_eq!(loaded(&address, key), last, "a repeat changes nothing");
+    let again = found(&address, &json!({ "description": "*phantom*head" }));
+    assert_eq!(again[0]["load"], last);
+
+    let log = std::fs::read_to_string(folder.path().join("serve.log")).unwrap();
+    for text in ["study_uid", "series_uid"].map(|name| head[name].as_str().unwrap()) {
+        assert!(text.len() > 8 && !log.contains(text), "{text} is in the log:\n{log}");
+        assert!(!again[0].to_string().contains(text), "{text} is in {}", again[0]);
+    }
+    let (_process, shown) = searching(&orthanc, folder.path(), &["--show-patient-data"]);
+    let series = found(&shown, &json!({ "description": "*phantom*head" }));
+    let patient = series[0]["patient_id"].as_str().unwrap();
+    assert!(patient.starts_with("PHANTOM-HEAD") && !log.contains(patient), "{patient}");
+    assert_eq!(series[0]["description"], head["description"]);
+}
+
+/// Searches that are wrong, archives that are gone, and callers without the scope get a reason.
+#[test]
+fn wrong_searches_and_callers_without_the_scope_are_refused() {
+    let Some(orthanc) = Orthanc::start("refused searches of archives", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let tokens = folder.path().join("tokens");
+    let made = orthanc
+        .relief(&["token", "add"])
+        .arg(&tokens)
+        .args(["--name", "vera", "--scope", "annotate"])
+        .output();
+    let token = String::from_utf8(made.unwrap().stdout).unwrap();
+    let token = token.split_whitespace().last().unwrap().to_owned();
+    let (_guarded, guarded) = searching(&orthanc, folder.path(), &["--token-file", tokens.to_str().unwrap()]);
+    let headers = format!("Content-Type: application/json\r\nAuthorization: Bearer {token}\r\n");
+    let refused =
+        ask(&guarded, "POST /v1/archives/pacs/search", &headers, "{\"patient_id\": \"*\"}").unwrap();
+    assert_eq!(refused.status, 403);
+
+    let (_process, address) = searching(&orthanc, folder.path(), &[]);
+    let code = |path: &str, body: Value| {
+        let answer = post(&address, path, &body);
+        (answer.status, answer.json()["code"].as_str().unwrap().to_owned())
+    };
+    let search = "/v1/archives/pacs/search";
+    assert_eq!(code(search, json!({})), (422, "out-of-range".to_owned()));
+    assert_eq!(code(search, json!({ "patient_id": " " })), (422, "out-of-range".to_owned()));
+    assert_eq!(code(search, json!({ "patient": "x" })), (400, "malformed-json".to_owned()));
+    assert_eq!(
+        code("/v1/archives/other/search", json!({ "patient_id": "*" })),
+        (404, "no-archive".to_owned())
+    );
+    assert_eq!(code("/v1/archives/pacs/series/0123", json!({})), (404, "no-series".to_owned()));
+    let (_closed, closed) = searching(&orthanc, folder.path(), &["--uploads", "off"]);
+    let answer = post(&closed, search, &json!({ "patient_id": "*" }));
+    assert_eq!((answer.status, &answer.json()["code"]), (403, &json!("uploads-off")));
+    drop(orthanc);
+    assert_eq!(code(search, json!({ "patient_id": "*" })), (502, "archive-failed".to_owned()));
+}
+
+/// The page finds a series in an archive, shows how much of it has arrived, and then the volume.
+#[test]
+fn the_page_finds_and_loads_a_series() {
+    let what = "searches of archives on the page";
+    let (Some(python), Some(chromium)) = (python(), chromium()) else { return skipped(what) };
+    let Some(orthanc) = Orthanc::start(what, Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = phantom(folder.path(), "head");
+    orthanc.store(&files);
+    let (_process, address) = searching(&orthanc, folder.path(), &["--show-patient-data"]);
+    let script = crate::cluster::stage::root().join("tests/browser/archives.py");
+    let mut command = Command::new(python);
+    command.env("PYTHONDONTWRITEBYTECODE", "1").arg(script).arg(&chromium).arg(format!("http://{address}"));
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(seen["problems"], json!([]));
+    assert_eq!(seen["none"], "No CT series match.");
+    assert_eq!(seen["empty"], "Fill in at least one field.");
+    assert_eq!(seen["found"], "1 CT series");
+    assert!(seen["row"].as_str().unwrap().contains(&format!("{} slices", slices(&files))), "{seen}");
+    assert_eq!(seen["shown"], json!(volumes(&address)));
+    assert_eq!(seen["violations"], json!([]), "{seen}");
+}

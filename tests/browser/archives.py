@@ -1,0 +1,47 @@
+"""Finds a series in an archive on the page of the volume, and loads it; prints what it saw as one JSON object.
+
+usage: archives.py CHROMIUM URL      URL of a server with an archive and without a series
+"""
+
+import json
+import os
+import sys
+
+CHROMIUM, URL = sys.argv[1:3]
+os.environ["RELIEF_PAGE_URL"] = URL
+
+from pages import Server, Window, accessibility, launched, settled  # noqa: E402  (reads the address)
+from playwright.sync_api import sync_playwright  # noqa: E402
+
+server = Server(None, None)
+seen = {}
+with sync_playwright() as playwright:
+    browser = launched(playwright, CHROMIUM)
+    window = Window(browser, server, "/", size={"width": 1400, "height": 900})
+    page = window.page
+    window.wait("!document.getElementById('archives').hidden")
+    page.click("#archives summary")
+
+    def search(button=True):
+        if button:
+            page.click("#archive-search")
+        else:
+            page.press("#archive-patient_id", "Enter")
+        window.wait("!document.getElementById('archive-found').textContent.startsWith('Searching')")
+        return page.inner_text("#archive-found")
+
+    seen["empty"] = search()
+    page.fill("#archive-patient_id", "nobody")
+    seen["none"] = search(button=False)
+    page.fill("#archive-patient_id", "*")
+    seen["found"] = search()
+    seen["row"] = page.inner_text("#archive-series li")
+    window.shot("archive-found")
+    page.click("#archive-series button")
+    settled(window)
+    seen["shown"] = [page.evaluate("location.hash").split("volume=")[-1].split("&")[0]]
+    window.shot("archive-loaded")
+    seen["violations"] = accessibility(window)["violations"]
+    seen["problems"] = window.problems
+    browser.close()
+print(json.dumps(seen))
