@@ -121,6 +121,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/studies/{study}/series/{series}/renderedmpr", get(dicomweb::rendered_mpr))
         .route("/v1/session", get(live::connect))
         .route("/v1/session/ticket", post(identity::ticket))
+        .route("/v1/session/wand", post(identity::wand))
         .route("/v1/session/{view}/mjpeg", get(live::mjpeg))
         .route("/v1/session/{view}/frame", get(live::next_frame))
         .route("/v1/session/{view}/intent", post(live::intent))

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 79] = [
+const FILES: [(&str, &str, &str); 84] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -83,6 +83,12 @@ const FILES: [(&str, &str, &str); 79] = [
     ("/view-shader.js", SCRIPT, include_str!("page/kiosk/view-shader.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
+    ("/pairing.js", SCRIPT, include_str!("page/kiosk/pairing.js")),
+    // A phone has no sign-in: its ticket opens the session.
+    ("/wand", HTML, include_str!("page/wand/wand.html")),
+    ("/wand.css", STYLE, include_str!("page/wand/wand.css")),
+    ("/wand.js", SCRIPT, include_str!("page/wand/wand.js")),
+    ("/attitude.js", SCRIPT, include_str!("page/wand/attitude.js")),
     ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),
     ("/annotate/annotate.css", STYLE, include_str!("page/annotate/annotate.css")),
     ("/annotate/api.js", SCRIPT, include_str!("page/annotate/api.js")),

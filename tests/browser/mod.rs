@@ -12,6 +12,7 @@ mod hands;
 mod identity;
 mod readers;
 mod views;
+mod wand;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -16,6 +16,7 @@ mod sign_in;
 mod tickets;
 mod token_file;
 mod tokens;
+mod wand;
 
 pub use admission::{Admission, TrustedProxy};
 pub use scope::Scope;
@@ -26,3 +27,4 @@ pub(crate) use admit::{admit_data, admit_page};
 pub(crate) use caller::{Caller, Peer};
 pub(crate) use sign_in::{routes, ticket};
 pub(crate) use tickets::Tickets;
+pub(crate) use wand::wand;

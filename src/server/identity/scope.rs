@@ -34,7 +34,8 @@ impl Scope {
     /// The scope that a request needs; `route` is the pattern of its path.
     pub(super) fn needed(method: &Method, route: &str) -> Self {
         /// Requests that compute an answer from a body, and change nothing.
-        const READS_BY_POST: [&str; 6] = ["/frame", "/depth", "/pick", "/snap", "/intent", "/ticket"];
+        const READS_BY_POST: [&str; 7] =
+            ["/frame", "/depth", "/pick", "/snap", "/intent", "/ticket", "/wand"];
         if method.is_safe() || READS_BY_POST.iter().any(|end| route.ends_with(end)) {
             Self::View
         } else if route.contains("/annotations") {

@@ -97,7 +97,7 @@ pub(crate) async fn ticket(State(tickets): State<Arc<Tickets>>, caller: Caller) 
     let Some(identity) = caller.identity else {
         return Ok((StatusCode::NO_CONTENT, no_store).into_response());
     };
-    let ticket = tickets.give(identity)?;
+    let ticket = tickets.give(identity, LIFETIME)?;
     let body: Json<Value> = Json(json!({ "ticket": ticket, "expires_in_s": LIFETIME.as_secs() }));
     Ok((no_store, body).into_response())
 }

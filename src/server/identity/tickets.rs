@@ -10,39 +10,44 @@ use data_encoding::BASE64URL_NOPAD;
 use super::caller::Identity;
 use crate::problem::Problem;
 
-/// How long a ticket can be redeemed.
+/// How long the ticket of a page can be redeemed.
 pub(super) const LIFETIME: Duration = Duration::from_secs(30);
 /// Tickets at a time; the oldest makes room.
 const MOST: usize = 10_000;
 
 /// The tickets that were given and not redeemed.
 #[derive(Default)]
-pub(crate) struct Tickets(Mutex<HashMap<String, (Instant, Identity)>>);
+pub(crate) struct Tickets(Mutex<HashMap<String, Ticket>>);
+
+struct Ticket {
+    ends: Instant,
+    identity: Identity,
+}
 
 impl Tickets {
-    /// A ticket for this identity.
-    pub(super) fn give(&self, identity: Identity) -> Result<String, Problem> {
+    /// A ticket for this identity, which can be redeemed for so long.
+    pub(super) fn give(&self, identity: Identity, lifetime: Duration) -> Result<String, Problem> {
         let mut bits = [0u8; 32];
         getrandom::fill(&mut bits).map_err(|error| Problem::internal("drawing a random ticket", error))?;
         let ticket = BASE64URL_NOPAD.encode(&bits);
         let mut given = self.given();
-        given.retain(|_, (made, _)| made.elapsed() < LIFETIME);
+        given.retain(|_, ticket| Instant::now() < ticket.ends);
         if given.len() >= MOST {
-            let oldest = given.iter().min_by_key(|(_, (made, _))| *made).map(|(ticket, _)| ticket.clone());
+            let oldest = given.iter().min_by_key(|(_, ticket)| ticket.ends).map(|(word, _)| word.clone());
             oldest.and_then(|ticket| given.remove(&ticket));
         }
-        given.insert(ticket.clone(), (Instant::now(), identity));
+        given.insert(ticket.clone(), Ticket { ends: Instant::now() + lifetime, identity });
         Ok(ticket)
     }
 
     /// The identity of a ticket, once.
     pub(super) fn redeem(&self, ticket: &str) -> Option<Identity> {
-        let (made, identity) = self.given().remove(ticket)?;
-        (made.elapsed() < LIFETIME).then_some(identity)
+        let Ticket { ends, identity } = self.given().remove(ticket)?;
+        (Instant::now() < ends).then_some(identity)
     }
 
     /// The value is whole between statements, so a panic elsewhere leaves it usable.
-    fn given(&self) -> MutexGuard<'_, HashMap<String, (Instant, Identity)>> {
+    fn given(&self) -> MutexGuard<'_, HashMap<String, Ticket>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -57,12 +62,12 @@ mod tests {
     fn a_ticket_is_redeemed_once_and_the_oldest_makes_room() {
         let tickets = Tickets::default();
         let identity = Identity { name: "anna".to_owned(), scope: Scope::View, proof: Proof::Certificate };
-        let ticket = tickets.give(identity.clone()).unwrap();
+        let ticket = tickets.give(identity.clone(), LIFETIME).unwrap();
         assert_eq!(tickets.redeem(&ticket), Some(identity.clone()));
         assert_eq!(tickets.redeem(&ticket), None);
-        let first = tickets.give(identity.clone()).unwrap();
+        let first = tickets.give(identity.clone(), LIFETIME).unwrap();
         for _ in 0..MOST {
-            tickets.give(identity.clone()).unwrap();
+            tickets.give(identity.clone(), LIFETIME).unwrap();
         }
         assert_eq!(tickets.given().len(), MOST);
         assert_eq!(tickets.redeem(&first), None);

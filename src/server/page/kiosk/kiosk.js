@@ -11,6 +11,7 @@ import { comfortOf, comfortProblems, comfortWords, drawHistogram, outsideWords, 
 import { Panel } from "./panel.js";
 import { compose, layoutOf } from "./frame.js";
 import { outputOf } from "./outputs.js";
+import { showPairing } from "./pairing.js";
 import { Session } from "./session.js";
 import { Synthesis } from "./synthesis.js";
 import { Wiimote } from "./wiimote.js";
@@ -251,6 +252,14 @@ async function connectWiimote() {
   describe();
 }
 
+/** Shows the code that makes a phone a wand, in the menu. */
+async function pairPhone() {
+  if (!view) return;
+  if (!menu.open) toggleMenu();
+  await showPairing(view.name).catch((error) => refused(error.message));
+  describe();
+}
+
 /** The picture's pixel under a position: the left half of a frame, on every line or every other one. */
 function placeOf(x, y) {
   const at = shown && panel.pixelAt(x, y);
@@ -279,11 +288,12 @@ async function choosePreset(at) {
 onControls(canvas, {
   send: (intent) => session.intent(intent),
   placeOf,
-  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote },
+  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, p: pairPhone },
 });
 $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);
 $("wiimote").addEventListener("click", connectWiimote);
+$("wand").addEventListener("click", pairPhone);
 $("wiimote").hidden = !Wiimote.isPossible;
 menu.addEventListener("keydown", (event) => ["m", "?"].includes(event.key) && toggleMenu());
 setInterval(tick, 1000);

@@ -1,0 +1,198 @@
+// The page that makes a phone a wand: its orientation turns the volume and moves the cursor of a
+// view, through the same intents as every other input device.
+//
+// The address names the view, and has a ticket where the server knows its callers. The page takes no
+// frames: it acknowledges none, so the server sends it two and no more.
+
+import { earthFromPhone, headingOf, pitchOf, viewFromPhone } from "./attitude.js";
+import { readHeader } from "./frame.js";
+
+const $ = (id) => document.getElementById(id);
+const parameters = new URLSearchParams(location.search);
+/** Turn of the phone that moves the cursor by the picture's height, degrees. */
+const DEGREES_A_HEIGHT = 30;
+/** Drag on the pad that moves the cursor by the picture's height, CSS pixels. */
+const PAD_A_HEIGHT = 900;
+const BUZZ_MS = 20;
+/** Landmarks go to the steepest rise of values near the cursor. */
+const SNAP = { to: "gradient", radius_mm: 3 };
+const HAND = { position_mm: [0, 0, 0] };
+
+let seq = 0;
+/** Full size of the picture, pixels. */
+let full = null;
+/** Place of the cursor in the picture, pixels. */
+let cursor = null;
+/** The newest attitude of the phone. */
+let earth = null;
+/** Whether the view was set to keep annotations. */
+let places = false;
+/** The button that is held, and the attitude at its beginning. */
+let held = null;
+
+// ---------------------------------------------------------------- session
+
+const url = new URL("/v1/session", location.href);
+url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+for (const key of ["view", "ticket"]) if (parameters.has(key)) url.searchParams.set(key, parameters.get(key));
+const socket = new WebSocket(url, "relief.v1");
+socket.binaryType = "arraybuffer";
+
+function send(message) {
+  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function intent(name, more = {}) {
+  seq += 1;
+  send({ type: "intent", seq, t_ns: Math.round(performance.now() * 1e6), intent: name, ...more });
+}
+
+function say(text, isBad = false) {
+  $("state").textContent = text;
+  $("state").classList.toggle("bad", isBad);
+}
+
+socket.addEventListener("open", () => {
+  // The ticket says who places landmarks, where the server knows its callers.
+  const author = parameters.has("ticket") ? {} : { author: localStorage.getItem("relief-author") ?? "phone" };
+  const hello = { type: "hello", client: "relief wand", ...author, view: parameters.get("view"), role: "presenter" };
+  send({ ...hello, accept: { color: ["jpeg"], depth: ["none"] } });
+});
+socket.addEventListener("message", ({ data }) => {
+  if (typeof data !== "string") return learn(data);
+  const message = JSON.parse(data);
+  if (message.type === "welcome") {
+    say(`Connected to ${message.view}`);
+    document.documentElement.dataset.connection = "live";
+  }
+  if (message.type === "error") say(message.problem.detail ?? message.problem.title, true);
+});
+socket.addEventListener("close", ({ reason }) => {
+  const again = parameters.has("ticket") ? "Scan a new code on the display." : "Load this page again.";
+  say(`Not connected. ${reason ? `${reason} ` : ""}${again}`, true);
+  document.documentElement.dataset.connection = "ended";
+  for (const button of document.querySelectorAll("button")) button.disabled = true;
+});
+
+/** Learns the size of the picture from a frame. */
+function learn(buffer) {
+  try {
+    full = readHeader(buffer).full;
+    cursor ??= full.map((side) => side / 2);
+  } catch (error) {
+    say(error.message, true);
+  }
+}
+
+// ---------------------------------------------------------------- sensors
+
+function sense(event) {
+  if (event.alpha === null) return; // a machine without sensors
+  earth = earthFromPhone(event);
+  $("sensors").hidden = true;
+  document.documentElement.dataset.sensors = "on";
+  move();
+}
+
+/** Some browsers give sensors only after a tap and a question. */
+function listen() {
+  const ask = window.DeviceOrientationEvent?.requestPermission;
+  if (ask) {
+    $("sensors").hidden = false;
+    $("sensors").addEventListener("click", async () => {
+      if ((await ask.call(window.DeviceOrientationEvent)) === "granted") addEventListener("deviceorientation", sense);
+      else $("hint").textContent = "The browser refuses the sensors. Use the pad.";
+    });
+  } else if (isSecureContext) addEventListener("deviceorientation", sense);
+  else $("hint").textContent = "A page without https has no sensors. Use the pad; relief serve --tls-self-signed serves https.";
+}
+
+// ---------------------------------------------------------------- commands
+
+function hold(name) {
+  if (!earth) {
+    $("hint").textContent = "No sensor has answered yet. Use the pad.";
+    return;
+  }
+  held = { name, heading: headingOf(earth), pitch: pitchOf(earth), cursor };
+  $(name).classList.add("held");
+  if (name === "turn") intent("grab", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading), mode: "rotate" });
+}
+
+function release() {
+  if (held?.name === "turn") intent("release");
+  if (held) $(held.name).classList.remove("held");
+  held = null;
+}
+
+function move() {
+  if (held?.name === "turn") intent("move", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading) });
+  if (held?.name === "point" && held.cursor) {
+    // Headings grow to the left; the difference is the short way round.
+    const left = ((headingOf(earth) - held.heading + 540) % 360) - 180;
+    const up = pitchOf(earth) - held.pitch;
+    moveCursor(held.cursor, [-left / DEGREES_A_HEIGHT, -up / DEGREES_A_HEIGHT]);
+  }
+}
+
+/** Moves the cursor from a place by fractions of the picture's height, right and down; it stays in the picture. */
+function moveCursor(from, by) {
+  if (!from) return;
+  cursor = from.map((px, axis) => Math.min(full[axis], Math.max(0, px + by[axis] * full[1])));
+  intent("cursor", { at_px: cursor });
+}
+
+for (const name of ["turn", "point"]) {
+  $(name).addEventListener("pointerdown", (event) => {
+    event.currentTarget.setPointerCapture(event.pointerId);
+    hold(name);
+  });
+  for (const end of ["pointerup", "pointercancel"]) $(name).addEventListener(end, release);
+}
+
+/** Places a landmark: the view keeps annotations from the first one on. */
+function place() {
+  if (!places) send({ type: "settings", annotations: true, snap: SNAP });
+  places = true;
+  intent("place", { phase: "commit" });
+}
+
+const buzz = () => navigator.vibrate?.(BUZZ_MS);
+const BUTTONS = {
+  undo: ["undo"], next: ["next_label"], reset: ["reset"],
+  "previous-preset": ["preset", { step: -1 }], "next-preset": ["preset", { step: 1 }],
+};
+for (const [id, [name, more]] of Object.entries(BUTTONS)) {
+  $(id).addEventListener("click", () => {
+    intent(name, more);
+    buzz();
+  });
+}
+
+$("place").addEventListener("click", () => {
+  place();
+  buzz();
+});
+
+// ---------------------------------------------------------------- pad
+
+const fingers = new Map();
+const spread = () => {
+  const [a, b] = [...fingers.values()];
+  return Math.max(1, Math.hypot(a.x - b.x, a.y - b.y));
+};
+$("pad").addEventListener("pointerdown", ({ pointerId, clientX, clientY, currentTarget }) => {
+  currentTarget.setPointerCapture(pointerId);
+  fingers.set(pointerId, { x: clientX, y: clientY });
+});
+$("pad").addEventListener("pointermove", ({ pointerId, clientX, clientY }) => {
+  const before = fingers.get(pointerId);
+  if (!before) return;
+  const apart = fingers.size === 2 ? spread() : null;
+  fingers.set(pointerId, { x: clientX, y: clientY });
+  if (apart) return intent("zoom", { factor: spread() / apart });
+  moveCursor(cursor, [(clientX - before.x) / PAD_A_HEIGHT, (clientY - before.y) / PAD_A_HEIGHT]);
+});
+for (const end of ["pointerup", "pointercancel"]) $("pad").addEventListener(end, ({ pointerId }) => fingers.delete(pointerId));
+
+listen();

@@ -1,0 +1,166 @@
+"""Pairs a phone with the page of a display by its QR code, and turns and points with it; prints what it saw as one JSON object.
+
+usage: wand.py RELIEF CHROMIUM SERIES FOLDER
+"""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy
+from pages import Server, Window, accessibility, launched
+from playwright.sync_api import sync_playwright
+
+RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
+PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
+
+
+def decoded(png):
+    """The text of the QR code in a picture, by OpenCV."""
+    picture = cv2.imdecode(numpy.frombuffer(png, numpy.uint8), cv2.IMREAD_COLOR)
+    return cv2.QRCodeDetector().detectAndDecode(picture)[0]
+
+
+class Phone:
+    """A phone with the page of an address, and with sensors that are set."""
+
+    def __init__(self, browser, address):
+        self.context = browser.new_context(**PHONE, ignore_https_errors=True)
+        self.page = self.context.new_page()
+        self.problems = []
+        self.page.on("pageerror", lambda error: self.problems.append(error.message))
+        self.page.goto(address)
+        self.sensors = self.context.new_cdp_session(self.page)
+
+    def until(self, condition):
+        for _ in range(400):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(50)
+        raise SystemExit(f"not within 20 s: {condition}; {self.page.inner_text('body')}")
+
+    def hold_up(self, alpha, beta, gamma):
+        self.sensors.send("DeviceOrientation.setDeviceOrientationOverride", {"alpha": alpha, "beta": beta, "gamma": gamma})
+        self.page.wait_for_timeout(120)
+
+    def gesture(self, name, *attitudes):
+        """Holds a button while the phone goes from attitude to attitude."""
+        self.hold_up(*attitudes[0])
+        box = self.page.locator(f"#{name}").bounding_box()
+        self.page.mouse.move(box["x"] + 20, box["y"] + 20)
+        self.page.mouse.down()
+        for attitude in attitudes[1:]:
+            self.hold_up(*attitude)
+        self.page.mouse.up()
+        self.page.wait_for_timeout(300)
+
+
+def view_of(window):
+    return window.page.evaluate("kioskView")
+
+
+def settled(window):
+    """The view when it rests."""
+    last = None
+    for _ in range(100):
+        now = view_of(window)
+        if now == last:
+            return now
+        last = now
+        window.page.wait_for_timeout(250)
+    return last
+
+
+def driven(browser, server):
+    window = Window(browser, server, "/kiosk?view=theatre&preset=bone&size=960x540&annotations=true")
+    window.wait("document.documentElement.dataset.still === 'true'")
+    window.key("p")
+    window.wait("!document.getElementById('wand-pairing').hidden")
+    seen = {"words": window.page.inner_text("#wand-words")}
+    window.shot("wand-kiosk")
+    seen["address"] = decoded(window.page.screenshot())
+    seen["expected"] = f"{server.url}/wand?view=theatre"
+    window.key("p")
+    window.page.keyboard.press("Escape")
+    phone = Phone(browser, seen["address"])
+    phone.until("document.documentElement.dataset.connection === 'live'")
+    phone.hold_up(200, 30, 0)
+    phone.until("document.documentElement.dataset.sensors === 'on'")
+    if os.environ.get("RELIEF_PAGE_SHOTS"):
+        phone.page.screenshot(path=os.environ["RELIEF_PAGE_SHOTS"] + "/wand.png")
+    seen["violations"] = accessibility(phone)["violations"]
+
+    seen["before"] = settled(window)
+    # To the right by 25 degrees about the vertical, whatever the phone's own heading and tilt.
+    phone.gesture("turn", (200, 30, 0), (190, 30, 0), (175, 30, 0))
+    seen["turned"] = settled(window)
+    phone.page.click("#reset")
+    seen["reset"] = settled(window)
+    # Up by 3 degrees: a tenth of the picture's height.
+    phone.gesture("point", (10, 45, 0), (10, 47, 0), (10, 48, 0))
+    seen["pointed"] = settled(window)
+    phone.page.click("#place")
+    for _ in range(100):
+        items = server.annotations()["items"]
+        if items:
+            break
+        time.sleep(0.05)
+    seen["said"] = phone.page.inner_text("#state")
+    seen["placed"] = [entry["item"] for entry in items]
+    # A click on the same pixel: each line of the picture is two of the frame.
+    window.page.mouse.click(480, 2 * (270 - 54))
+    seen["clicked"] = settled(window)
+    seen["problems"] = window.problems + phone.problems
+    return seen
+
+
+def guarded(browser):
+    """With tokens, the code opens one session on a phone that is not signed in."""
+    tokens = pathlib.Path(FOLDER) / "tokens"
+    made = subprocess.run([RELIEF, "token", "add", tokens, "--name", "vera", "--scope", "annotate"], check=True, capture_output=True, text=True)
+    token = made.stdout.split()[-1]
+    process = subprocess.Popen(
+        [RELIEF, "serve", "--series", SERIES, "--listen", "127.0.0.1:0", "--token-file", tokens], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        return paired_by_ticket(browser, process.stdout.readline().split()[-1].rstrip("/"), token)
+    finally:
+        process.kill()
+
+
+def paired_by_ticket(browser, url, token):
+    page = browser.new_context().new_page()
+    page.goto(f"{url}/kiosk?view=theatre")
+    page.wait_for_selector("input")
+    page.fill("input", token)
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#frame")
+    for _ in range(200):
+        if page.evaluate("document.documentElement.dataset.connection") == "live":
+            break
+        page.wait_for_timeout(100)
+    page.keyboard.press("p")
+    page.wait_for_selector("#wand-code", state="visible")
+    page.wait_for_timeout(300)
+    address = page.get_attribute("#wand-address", "href")
+    seen = {"has_ticket": "ticket=" in address, "is_read": decoded(page.screenshot()) == address}
+    first = Phone(browser, address)
+    first.until("document.documentElement.dataset.connection === 'live'")
+    second = Phone(browser, address)
+    second.until("document.documentElement.dataset.connection === 'ended'")
+    seen["second"] = second.page.inner_text("#state")
+    return seen
+
+
+with sync_playwright() as playwright:
+    browser = launched(playwright, CHROMIUM)
+    server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "wand.db"))
+    try:
+        print(json.dumps({"open": driven(browser, server), "guarded": guarded(browser)}))
+    finally:
+        server.kill()
+    browser.close()
