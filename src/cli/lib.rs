@@ -58,7 +58,7 @@ use std::process::ExitCode;
 
 #[cfg(feature = "traces")]
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
@@ -155,7 +155,7 @@ pub fn main() -> ExitCode {
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),
         Command::Doctor(arguments) => doctor::run(arguments),
-        Command::Manual(arguments) => manual::run(&arguments),
+        Command::Manual(arguments) => manual::run(&arguments, CommandLine::command()),
     };
     let failed = |error| {
         eprintln!("relief: {}", output::report(&error));

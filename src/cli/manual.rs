@@ -4,10 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::CommandFactory;
 use clap_complete::Shell;
 
-use crate::CommandLine;
 use crate::output::say;
 
 /// Write manual pages and shell completions
@@ -32,17 +30,19 @@ const COMPLETIONS: [(Shell, &str); 3] = [
     (Shell::Zsh, "zsh/vendor-completions/_relief"),
 ];
 
-pub(super) fn run(arguments: &ManualArguments) -> anyhow::Result<ExitCode> {
+/// `commands` is the command line whose pages are written.
+pub(super) fn run(arguments: &ManualArguments, commands: clap::Command) -> anyhow::Result<ExitCode> {
     let pages = arguments.out.join("man/man1");
     make_folder(&pages)?;
-    let mut command = CommandLine::command().disable_help_subcommand(true);
+    let mut completed = commands.clone();
+    let mut command = commands.disable_help_subcommand(true);
     command.build();
     let written = write_pages(&command, &pages)?;
     for (shell, place) in COMPLETIONS {
         let path = arguments.out.join(place);
         path.parent().map_or(Ok(()), make_folder)?;
         let mut script = Vec::new();
-        clap_complete::generate(shell, &mut CommandLine::command(), "relief", &mut script);
+        clap_complete::generate(shell, &mut completed, "relief", &mut script);
         write(&path, &script)?;
     }
     say!("{written} manual pages and {} completions in {}", COMPLETIONS.len(), arguments.out.display());

@@ -33,6 +33,7 @@
 
 mod annotation_service;
 mod annotations;
+mod archived;
 mod archives;
 mod audit;
 mod camera;
@@ -78,7 +79,7 @@ use state::AppState;
 /// A header name, for [`TrustedProxy`].
 pub use axum::http::HeaderName;
 
-pub use archives::{ArchivedSeries, LoadSteps, SeriesArchives, SeriesQuery};
+pub use archived::{ArchivedSeries, LoadSteps, SeriesArchives, SeriesQuery};
 pub use audit::{AuditError, AuditLog, AuditSummary, verify_audit_log};
 pub use identity::{
     Admission, NewToken, Scope, TokenEntry, TokenFileError, Tokens, TrustedProxy, add_token, read_tokens,

@@ -274,3 +274,19 @@ impl IntoResponse for Problem {
         response
     }
 }
+
+/// A body of JSON.
+///
+/// # Errors
+/// When it is malformed, with the path of the first fault.
+pub(super) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
+}
+
+/// The problem of a fault in JSON, below the path `within`.
+pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
+    let path = format!("{within}{}", error.path());
+    let detail = format!("{path}: {}", error.inner());
+    Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", path)
+}

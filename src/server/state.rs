@@ -12,7 +12,7 @@ use axum::http::request::Parts;
 use tokio::sync::Semaphore;
 
 use super::annotation_service::Annotations;
-use super::archives::{Archives, SeriesArchives};
+use super::archived::{Archives, SeriesArchives};
 use super::audit::AuditLog;
 use super::identity::{Admission, Tickets};
 use super::live::{Live, LiveConfig};

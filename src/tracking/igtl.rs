@@ -5,7 +5,10 @@
 //! and the translation in mm; POSITION the translation and a quaternion; TDATA a list of named
 //! tools, of which those that are not seen are left out.
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::pose::SensorPose;
+use crate::tool::{is_rotation, quaternion};
 
 /// Bytes of a header.
 pub const IGTL_HEADER_BYTES: usize = 58;
@@ -13,6 +16,10 @@ pub const IGTL_HEADER_BYTES: usize = 58;
 pub const MAX_BODY_BYTES: u64 = 4096;
 
 const VERSION: u16 = 1;
+/// Bytes of a TRANSFORM's content.
+const TRANSFORM_BYTES: usize = 48;
+/// Tools are not farther away from their tracker, mm.
+const FARTHEST_MM: f64 = 1e5;
 const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_ECMA_182);
 /// A tracked instrument of six degrees of freedom.
 const TOOL_6D: u8 = 2;
@@ -26,13 +33,35 @@ pub enum IgtlError {
     /// A body that no client sends.
     #[error("an OpenIGTLink body of {0} bytes, allowed: up to {MAX_BODY_BYTES}")]
     Body(u64),
+    /// Not the body that the header is of.
+    #[error("the body of an OpenIGTLink message does not have its checksum")]
+    Checksum,
+    /// A body that is too short for its type.
+    #[error("an OpenIGTLink {kind} has {found} bytes, expected {expected}")]
+    Length {
+        /// The type.
+        kind: &'static str,
+        /// Bytes that it has.
+        found: usize,
+        /// Bytes that it must have.
+        expected: usize,
+    },
+    /// A matrix that scales, mirrors or shears, or a place that no tool reaches.
+    #[error("an OpenIGTLink transform is not a rotation and a translation in mm")]
+    NotRigid,
 }
 
 /// The content of a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IgtlHeader {
+    /// Version of the protocol, 1 to 3.
+    pub version: u16,
     /// Message type, such as `STT_TDATA`.
     pub kind: String,
+    /// Name of the device, such as `StylusToReference`.
+    pub device: String,
+    /// Checksum of the body.
+    pub crc: u64,
     /// Bytes of the body.
     pub body_bytes: usize,
 }
@@ -53,9 +82,50 @@ impl IgtlHeader {
         if length > MAX_BODY_BYTES {
             return Err(IgtlError::Body(length));
         }
-        let name = bytes[2..14].split(|byte| *byte == 0).next().unwrap_or_default();
-        Ok(Self { kind: String::from_utf8_lossy(name).into_owned(), body_bytes: length as usize })
+        let name = |bytes: &[u8]| {
+            let name = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
+            String::from_utf8_lossy(name).into_owned()
+        };
+        let mut crc = [0; 8];
+        crc.copy_from_slice(&bytes[50..58]);
+        Ok(Self {
+            version,
+            kind: name(&bytes[2..14]),
+            device: name(&bytes[14..34]),
+            crc: u64::from_be_bytes(crc),
+            body_bytes: length as usize,
+        })
     }
+}
+
+/// The pose of a TRANSFORM; `None` for a message of another type.
+///
+/// # Errors
+/// When the body is damaged or too short, or the transform is not rigid.
+pub fn igtl_pose(header: &IgtlHeader, body: &[u8]) -> Result<Option<SensorPose>, IgtlError> {
+    if header.kind != "TRANSFORM" {
+        return Ok(None);
+    }
+    if CRC.checksum(body) != header.crc {
+        return Err(IgtlError::Checksum);
+    }
+    let content = if header.version == 3 { content_of(body) } else { Some(body) };
+    let (numbers, _) = content.unwrap_or_default().as_chunks::<4>();
+    let length = || IgtlError::Length { kind: "TRANSFORM", found: body.len(), expected: TRANSFORM_BYTES };
+    let numbers = numbers.first_chunk::<12>().ok_or_else(length)?;
+    let numbers = numbers.map(|number| f64::from(f32::from_be_bytes(number)));
+    let turn = Matrix3::from_column_slice(&numbers[..9]);
+    let position = Vector3::from_column_slice(&numbers[9..]);
+    if !is_rotation(&turn) || position.iter().any(|mm| mm.is_nan() || mm.abs() > FARTHEST_MM) {
+        return Err(IgtlError::NotRigid);
+    }
+    Ok(Some(SensorPose { position, orientation: quaternion(&turn) }))
+}
+
+/// The content behind the extended header of version 3, whose first number is its size.
+fn content_of(body: &[u8]) -> Option<&[u8]> {
+    let size = body.first_chunk::<2>().map(|size| u16::from_be_bytes(*size))?;
+    body.get(usize::from(size)..)
 }
 
 /// A message of this type, from this device, at this time (ns since 1970).
@@ -155,7 +225,36 @@ mod tests {
         let body: Vec<u8> = position.into_iter().flat_map(f32::to_be_bytes).collect();
         assert_eq!(igtl_message("POSITION", "x", 0, &body)[50..58], 0x6bc8_d628_2b79_a3a1_u64.to_be_bytes());
         let header = IgtlHeader::decode(sent[..IGTL_HEADER_BYTES].as_array().unwrap()).unwrap();
-        assert_eq!(header, IgtlHeader { kind: "TRANSFORM".to_owned(), body_bytes: 48 });
+        assert_eq!((&*header.kind, &*header.device, header.body_bytes), ("TRANSFORM", "DeviceName", 48));
+    }
+
+    #[test]
+    fn transforms_are_read_back_and_damaged_ones_refused() {
+        let pose = SensorPose {
+            position: Vector3::new(-120.5, 30.25, 800.0),
+            orientation: UnitQuaternion::from_euler_angles(0.3, -0.9, 2.0),
+        };
+        let sent = igtl_transform("Stylus", 0, &pose);
+        let (head, body) = sent.split_first_chunk::<IGTL_HEADER_BYTES>().unwrap();
+        let header = IgtlHeader::decode(head).unwrap();
+        let found = igtl_pose(&header, body).unwrap().unwrap();
+        assert!((found.position - pose.position).norm() < 1e-3, "{found:?}");
+        assert!(found.orientation.angle_to(&pose.orientation) < 1e-6, "{found:?}");
+        let mut damaged = body.to_vec();
+        damaged[5] ^= 1;
+        assert_eq!(igtl_pose(&header, &damaged), Err(IgtlError::Checksum));
+        let of = |body: &[u8], version| {
+            let header = IgtlHeader { version, crc: CRC.checksum(body), ..header.clone() };
+            igtl_pose(&header, body)
+        };
+        assert!(matches!(of(&body[..40], 1), Err(IgtlError::Length { .. })));
+        assert_eq!(of(&[0; 48], 1), Err(IgtlError::NotRigid));
+        // Version 3 has 12 bytes before the content, which they count.
+        let extended = [&[0, 12, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], body].concat();
+        assert_eq!(of(&extended, 3), Ok(Some(found)));
+        assert!(of(&[255; 20], 3).is_err() && of(&[], 3).is_err());
+        let status = IgtlHeader { kind: "STATUS".to_owned(), ..header };
+        assert_eq!(igtl_pose(&status, &[]), Ok(None));
     }
 
     #[test]

@@ -4,7 +4,8 @@
 //! `sensor` is the camera and [`Beacon`] the layout of LEDs; `correspondence` identifies blobs as
 //! LEDs; `solve` finds the pose of a single view; `filter` joins poses over time; [`Tracker`] does
 //! all of it. `calibrate` finds the camera from a survey; `host` sets up a remote's camera;
-//! `simulate` makes recordings; `igtl` encodes poses for other programs. Sockets, threads and
+//! `simulate` makes recordings; `igtl` encodes poses for other programs and
+//! decodes those of other trackers, whose axes `tool` describes. Sockets, threads and
 //! clocks are not here.
 //!
 //! | space | definition |
@@ -43,6 +44,7 @@ mod report;
 mod sensor;
 mod simulate;
 mod solve;
+mod tool;
 mod tracker;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
@@ -62,7 +64,7 @@ pub use filter::{ErrorStateFilter, MotionDensity, PoseFilter, State, Update, Ver
 pub use head::{DisplayGeometry, GeometryError, HeadPose, HeadPoseError, OPENTRACK_BYTES};
 pub use host::{Host, HostOptions, HostState, RemoteSenses, Sensitivity, VirtualRemote};
 pub use igtl::{
-    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, MAX_BODY_BYTES, igtl_acknowledgement, igtl_message,
+    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, MAX_BODY_BYTES, igtl_acknowledgement, igtl_message, igtl_pose,
     igtl_position, igtl_tracking_data, igtl_transform,
 };
 pub use pose::{Pose, SensorPose, cross_matrix};
@@ -92,6 +94,7 @@ pub use solve::ipopt::solve_with_ipopt;
 pub use solve::paper::{PaperSolution, level_start, solve_as_published};
 pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
 pub use solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting, Solutions};
+pub use tool::{NotRigid, TrackerGeometry};
 pub use tracker::{
     DroppedReports, FilterKind, Frame, Frames, PoseRecord, SolverKind, TrackedSample, Tracker,
     TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,

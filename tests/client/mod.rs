@@ -6,6 +6,7 @@
 mod command;
 mod faults;
 mod measuring;
+mod pointer;
 mod real;
 mod session;
 mod stand_in;

@@ -127,7 +127,10 @@ fn its_licences_are_there(root: &Path) {
     }
     let home = std::env::var("HOME").unwrap_or_default();
     assert!(home.len() < 2 || !list.contains(&home), "the list names folders of the machine");
-    assert!(text_inside(root, "cat /usr/share/doc/relief/copyright").contains("License: MIT or Apache-2.0"));
+    assert!(
+        text_inside(root, "cat /usr/share/doc/relief/copyright")
+            .contains("MIT licence or the Apache License 2.0")
+    );
 }
 
 /// The command of the unit serves the series that /etc/default names, and keeps annotations where

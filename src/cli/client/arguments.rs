@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::choices::layouts;
 use crate::client::eyes::EyesArguments;
+use crate::client::pointer::PointerArguments;
 use crate::client::remote::RemoteArguments;
 use crate::scene::parse_size;
 use crate::slice::parse_triple;
@@ -87,6 +88,8 @@ pub(crate) struct ClientArguments {
     #[command(flatten)]
     pub(crate) remote: RemoteArguments,
     #[command(flatten)]
+    pub(crate) pointer: PointerArguments,
+    #[command(flatten)]
     pub(crate) eyes: EyesArguments,
     #[command(flatten)]
     pub(crate) headless: HeadlessArguments,
@@ -168,6 +171,8 @@ Keys: arrows turn, + and - zoom, [ and ] change the preset, Page Up and Page Dow
 Examples:
   relief client --server http://ct-server:8080 --fullscreen --wiimote hidraw --view theatre-1
   RELIEF_TOKEN=... relief client --server https://ct-server:8443 --ca relief-certificate.pem --fullscreen
+  relief client --server http://ct-server:8080 --fullscreen --pointer spacemouse
+  relief client --server http://ct-server:8080 --fullscreen --pointer igtl:ct-server:18944/StylusToTracker
   relief client --server http://ct-server:8080 --fullscreen --layout lines --size 1920x1080
   relief client --server http://ct-server:8080 --fullscreen --layout lenses-9 --panel panel.json --size 3840x2160
   relief client --server http://127.0.0.1:8080 --headless --role watcher --view theatre-1 --eyes opentrack

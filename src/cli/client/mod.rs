@@ -3,6 +3,7 @@
 pub(crate) mod arguments;
 mod eyes;
 mod film;
+mod pointer;
 mod remote;
 mod replay;
 mod session;
@@ -46,6 +47,7 @@ fn run_session(
     let recorder = Recorder::create(&arguments.recording, session)?;
     let remote = remote::start(&arguments.remote, &handle)?;
     eyes::start(&arguments.eyes, &handle)?;
+    pointer::start(&arguments.pointer, &handle)?;
     #[cfg(feature = "window")]
     if !arguments.headless.headless {
         let look = arguments.look;
@@ -58,9 +60,10 @@ fn run_session(
     }
     drop(remote);
     let has_output = arguments.headless.save_frame.is_some() || arguments.recording.record.is_some();
-    if !has_output && !arguments.remote.is_there() && !arguments.eyes.is_there() {
+    let has_input = arguments.remote.is_there() || arguments.eyes.is_there() || arguments.pointer.is_there();
+    if !has_output && !has_input {
         eprintln!(
-            "keeping a session open until Ctrl-C; --save-frame, --record, --wiimote and --eyes give it something to do"
+            "keeping a session open until Ctrl-C; --save-frame, --record, --wiimote, --pointer and --eyes give it something to do"
         );
     }
     let watch = FrameCounter::new(&handle, &recorder);

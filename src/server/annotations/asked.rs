@@ -15,7 +15,7 @@ use crate::annotation_service::{Annotations, Home, of, outward_event};
 use crate::guard::{expect_content_type, read_body, too_large};
 use crate::identity::Caller;
 use crate::live::Live;
-use crate::problem::Problem;
+use crate::problem::{Problem, parse};
 use crate::state::{AppState, Config, Pictures, Uploads};
 use relief_annotation::{Change, Event};
 use relief_session::VolumeEntry;
@@ -148,17 +148,6 @@ pub(super) fn events_json(events: &[(Event, Home)]) -> Value {
 /// The answer to an edit that made something.
 pub(super) fn created(events: &[(Event, Home)]) -> Response {
     (StatusCode::CREATED, Json(json!({ "events": events_json(events) }))).into_response()
-}
-
-pub(crate) fn parse<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
-    let mut reader = serde_json::Deserializer::from_slice(body);
-    serde_path_to_error::deserialize(&mut reader).map_err(|error| malformed(&error, ""))
-}
-
-pub(super) fn malformed(error: &serde_path_to_error::Error<serde_json::Error>, within: &str) -> Problem {
-    let path = format!("{within}{}", error.path());
-    let detail = format!("{path}: {}", error.inner());
-    Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", path)
 }
 
 /// A query of named parts, none unknown.

@@ -8,11 +8,11 @@ use axum::routing::{self, MethodRouter};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::asked::{EditRequest, JsonBody, created, events_json, malformed, parse};
+use super::asked::{EditRequest, JsonBody, created, events_json};
 use super::author;
 use crate::annotation_service::{HistoryStep, invalid};
 use crate::guard::{expect_content_type, read_body};
-use crate::problem::Problem;
+use crate::problem::{Problem, malformed, parse};
 use crate::state::AppState;
 use relief_annotation::{Edit, ItemId, Timestamp};
 

@@ -71,7 +71,7 @@ pub(super) async fn put(
     wanted["id"] = item_id.take();
     fill(&mut wanted, &author)?;
     let wanted: Item =
-        serde_path_to_error::deserialize(wanted).map_err(|error| super::asked::malformed(&error, ""))?;
+        serde_path_to_error::deserialize(wanted).map_err(|error| crate::problem::malformed(&error, ""))?;
     wanted.validate().map_err(|error| invalid(&error))?;
     let change = Change::Update { item: Box::new(wanted), version };
     let events = asked.edit(&author, &reason, vec![change]).await?;

@@ -28,7 +28,6 @@ use axum::routing::{get, post};
 use super::annotation_service::HistoryStep;
 use super::state::AppState;
 
-pub(super) use asked::parse;
 pub(super) use author::{author_of, check as check_author, decoded, missing as missing_author, set_author};
 pub(super) use drawing::draw;
 

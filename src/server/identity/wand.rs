@@ -16,9 +16,8 @@ use url::{Origin, Url};
 
 use super::caller::Caller;
 use super::tickets::Tickets;
-use crate::annotations::parse;
 use crate::guard::{expect_content_type, read_body};
-use crate::problem::Problem;
+use crate::problem::{Problem, parse};
 use crate::state::Config;
 
 /// How long a phone may take to scan the code.

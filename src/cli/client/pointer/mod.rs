@@ -1,0 +1,111 @@
+//! `relief client --pointer`: input devices beside the Wiimote, through the same poses and intents.
+
+#[cfg(unix)]
+mod spacemouse;
+mod tracker;
+
+use std::path::PathBuf;
+
+use relief_client::Handle;
+
+/// Where spacenavd listens.
+const SPACENAVD: &str = "/var/run/spnav.sock";
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct PointerArguments {
+    /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, or igtl:HOST:PORT[/DEVICE],
+    /// a tracker that sends OpenIGTLink transforms
+    #[arg(long, value_name = "SOURCE", value_parser = parse, conflicts_with_all = ["measure", "replay"])]
+    pointer: Option<Pointer>,
+    /// How the axes of the tracker and its tool lie: JSON with display_from_tracker and
+    /// tool_from_pointer, rows of 4x4 matrices in mm; identities where left out
+    #[arg(long, value_name = "FILE.json", requires = "pointer")]
+    tracker_geometry: Option<PathBuf>,
+}
+
+/// A source of movements.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Pointer {
+    /// A SpaceMouse behind this socket of spacenavd.
+    SpaceMouse(PathBuf),
+    /// A server of OpenIGTLink, and the name of the device in it.
+    Igtl { address: String, device: Option<String> },
+}
+
+impl PointerArguments {
+    /// Whether there is to be another pointer.
+    pub(crate) fn is_there(&self) -> bool {
+        self.pointer.is_some()
+    }
+}
+
+fn parse(text: &str) -> Result<Pointer, String> {
+    if let Some(rest) = text.strip_prefix("spacemouse") {
+        match rest.strip_prefix(':') {
+            Some(socket) if !socket.is_empty() => return Ok(Pointer::SpaceMouse(socket.into())),
+            None if rest.is_empty() => return Ok(Pointer::SpaceMouse(SPACENAVD.into())),
+            _ => {}
+        }
+    }
+    if let Some(rest) = text.strip_prefix("igtl:") {
+        let (address, device) =
+            rest.split_once('/').map_or((rest, None), |(address, device)| (address, Some(device)));
+        let has_port = address
+            .rsplit_once(':')
+            .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+        if has_port && device != Some("") {
+            return Ok(Pointer::Igtl { address: address.to_owned(), device: device.map(str::to_owned) });
+        }
+    }
+    Err("pointers are spacemouse, spacemouse:SOCKET and igtl:HOST:PORT[/DEVICE]".to_owned())
+}
+
+/// Starts reading, on a thread that ends with the session.
+pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Result<()> {
+    match &arguments.pointer {
+        None => Ok(()),
+        Some(Pointer::SpaceMouse(socket)) => {
+            if arguments.tracker_geometry.is_some() {
+                anyhow::bail!("--tracker-geometry is for trackers, and a SpaceMouse is none");
+            }
+            #[cfg(unix)]
+            return spacemouse::start(socket, handle);
+            #[cfg(not(unix))]
+            anyhow::bail!("spacenavd at {} needs Unix", socket.display());
+        }
+        Some(Pointer::Igtl { address, device }) => {
+            let geometry = tracker::geometry(arguments.tracker_geometry.as_deref())?;
+            tracker::start(address, device.clone(), geometry, handle)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_sockets_and_addresses() {
+        assert_eq!(parse("spacemouse"), Ok(Pointer::SpaceMouse(SPACENAVD.into())));
+        assert_eq!(parse("spacemouse:/tmp/s"), Ok(Pointer::SpaceMouse("/tmp/s".into())));
+        let igtl = |address: &str, device: Option<&str>| Pointer::Igtl {
+            address: address.to_owned(),
+            device: device.map(str::to_owned),
+        };
+        assert_eq!(parse("igtl:plus:18944"), Ok(igtl("plus:18944", None)));
+        assert_eq!(parse("igtl:[::1]:18944/Stylus"), Ok(igtl("[::1]:18944", Some("Stylus"))));
+        for wrong in [
+            "",
+            "spacemouse:",
+            "spacemouse2",
+            "igtl:",
+            "igtl:plus",
+            "igtl::1",
+            "igtl:plus:x",
+            "igtl:plus:1/",
+            "mouse",
+        ] {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

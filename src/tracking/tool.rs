@@ -1,0 +1,119 @@
+//! How the axes of another tracker and of its tool lie: the file of `relief client --tracker-geometry`.
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::pose::SensorPose;
+
+/// Rigid transforms as rows of 4 x 4 matrices, mm. The axes of the display are x right, y up, z towards the viewer;
+/// those of a pointer are a Wiimote's: x right, y down, z forward.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackerGeometry {
+    /// From the tracker's axes to those of the display.
+    pub display_from_tracker: [[f64; 4]; 4],
+    /// From the axes of a pointer to those of the tracked tool.
+    pub tool_from_pointer: [[f64; 4]; 4],
+}
+
+/// A matrix that is not a rigid transform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0} is not a rotation and a translation in mm: rows of a 4 x 4 matrix, the last one 0, 0, 0, 1")]
+pub struct NotRigid(&'static str);
+
+impl Default for TrackerGeometry {
+    /// The tracker's axes are the display's, and the tool's are a pointer's.
+    fn default() -> Self {
+        let identity = std::array::from_fn(|row| std::array::from_fn(|column| f64::from(row == column)));
+        Self { display_from_tracker: identity, tool_from_pointer: identity }
+    }
+}
+
+impl TrackerGeometry {
+    /// Refuses matrices that scale, mirror or shear.
+    ///
+    /// # Errors
+    /// The first such matrix.
+    pub fn validate(&self) -> Result<(), NotRigid> {
+        rigid("display_from_tracker", &self.display_from_tracker)?;
+        rigid("tool_from_pointer", &self.tool_from_pointer).map(|_| ())
+    }
+
+    /// The pointer in the axes of the display, from the tool in the axes of the tracker.
+    ///
+    /// # Errors
+    /// As for [`TrackerGeometry::validate`].
+    pub fn place(&self, tool: &SensorPose) -> Result<SensorPose, NotRigid> {
+        let display_from_tracker = rigid("display_from_tracker", &self.display_from_tracker)?;
+        let tool_from_pointer = rigid("tool_from_pointer", &self.tool_from_pointer)?;
+        let tool = Isometry3::from_parts(Translation3::from(tool.position), tool.orientation);
+        let pointer = display_from_tracker * tool * tool_from_pointer;
+        Ok(SensorPose { position: pointer.translation.vector, orientation: pointer.rotation })
+    }
+}
+
+fn rigid(name: &'static str, rows: &[[f64; 4]; 4]) -> Result<Isometry3<f64>, NotRigid> {
+    let turn = Matrix3::from_fn(|row, column| rows[row][column]);
+    let translation = Vector3::from_fn(|row, _| rows[row][3]);
+    let is_turn = is_rotation(&turn) && translation.iter().all(|mm| mm.abs() < 1e5);
+    if !is_turn || rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(NotRigid(name));
+    }
+    Ok(Isometry3::from_parts(translation.into(), quaternion(&turn)))
+}
+
+/// Whether a matrix turns, and does nothing else, within the rounding of 32-bit numbers and of files.
+pub(crate) fn is_rotation(turn: &Matrix3<f64>) -> bool {
+    (turn * turn.transpose() - Matrix3::identity()).iter().all(|number| number.abs() < 1e-3)
+        && turn.determinant() > 0.0
+}
+
+/// The nearest rotation.
+pub(crate) fn quaternion(turn: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tools_are_placed_before_the_display() {
+        // A tracker on the ceiling, whose z points down, and a tool that points along its x axis.
+        let geometry = TrackerGeometry {
+            display_from_tracker: [
+                [1.0, 0.0, 0.0, 0.0],
+                [0.0, 0.0, -1.0, 1000.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+            tool_from_pointer: [
+                [0.0, 0.0, 1.0, 0.0],
+                [0.0, 1.0, 0.0, 0.0],
+                [-1.0, 0.0, 0.0, 0.0],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+        };
+        assert_eq!(geometry.validate(), Ok(()));
+        let tool =
+            SensorPose { position: Vector3::new(10.0, 20.0, 300.0), orientation: UnitQuaternion::identity() };
+        let placed = geometry.place(&tool).unwrap();
+        assert!((placed.position - Vector3::new(10.0, 700.0, 20.0)).norm() < 1e-9, "{placed:?}");
+        let forward = placed.orientation * Vector3::z();
+        assert!((forward - Vector3::x()).norm() < 1e-9, "{forward}");
+        assert_eq!(TrackerGeometry::default().place(&tool), Ok(tool));
+    }
+
+    #[test]
+    fn matrices_that_mirror_or_scale_are_refused() {
+        let mut mirrored = TrackerGeometry::default();
+        mirrored.display_from_tracker[0][0] = -1.0;
+        assert_eq!(mirrored.validate(), Err(NotRigid("display_from_tracker")));
+        let mut scaled = TrackerGeometry::default();
+        scaled.tool_from_pointer[1][1] = 1000.0;
+        assert_eq!(scaled.validate(), Err(NotRigid("tool_from_pointer")));
+        let mut endless = TrackerGeometry::default();
+        endless.tool_from_pointer[1][3] = f64::NAN;
+        assert_eq!(endless.validate(), Err(NotRigid("tool_from_pointer")));
+    }
+}
