@@ -19,10 +19,15 @@ RELIEF, CHROMIUM, SERIES, FOLDER = sys.argv[1:5]
 PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
 
 
-def decoded(png):
-    """The text of the QR code in a picture, by OpenCV."""
-    picture = cv2.imdecode(numpy.frombuffer(png, numpy.uint8), cv2.IMREAD_COLOR)
-    return cv2.QRCodeDetector().detectAndDecode(picture)[0]
+def decoded(page):
+    """The text of the QR code on a page, by OpenCV; waits until it is drawn."""
+    for _ in range(50):
+        picture = cv2.imdecode(numpy.frombuffer(page.screenshot(), numpy.uint8), cv2.IMREAD_COLOR)
+        text = cv2.QRCodeDetector().detectAndDecode(picture)[0]
+        if text:
+            return text
+        page.wait_for_timeout(200)
+    raise SystemExit("no QR code is on the page")
 
 
 class Phone:
@@ -82,7 +87,7 @@ def driven(browser, server):
     window.wait("!document.getElementById('wand-pairing').hidden")
     seen = {"words": window.page.inner_text("#wand-words")}
     window.shot("wand-kiosk")
-    seen["address"] = decoded(window.page.screenshot())
+    seen["address"] = decoded(window.page)
     seen["expected"] = f"{server.url}/wand?view=theatre"
     window.key("p")
     window.page.keyboard.press("Escape")
@@ -145,9 +150,9 @@ def paired_by_ticket(browser, url, token):
         page.wait_for_timeout(100)
     page.keyboard.press("p")
     page.wait_for_selector("#wand-code", state="visible")
-    page.wait_for_timeout(300)
+    read = decoded(page)
     address = page.get_attribute("#wand-address", "href")
-    seen = {"has_ticket": "ticket=" in address, "is_read": decoded(page.screenshot()) == address}
+    seen = {"has_ticket": "ticket=" in address, "is_read": read == address}
     first = Phone(browser, address)
     first.until("document.documentElement.dataset.connection === 'live'")
     second = Phone(browser, address)

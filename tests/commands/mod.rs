@@ -27,7 +27,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("scripts/setup-ipopt", "downloads packages"),
     ("cargo ", "builds"),
     ("scripts/package-python", "builds a wheel; a step of scripts/test does that"),
-    ("scripts/package ", "builds a release; tests of packages make some of the program under test"),
+    ("scripts/package", "builds a release; tests of packages make some of the program under test"),
     ("sudo ", "changes the system; tests of packages install them in a clean Debian"),
     ("pip install .relief", "installs the wheel; a step of scripts/test uses it"),
     ("scripts/compare-views", "renders and measures for a quarter of an hour"),

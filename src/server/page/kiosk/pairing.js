@@ -18,7 +18,7 @@ export async function showPairing(view) {
   $("wand-pairing").hidden = false;
   $("wand-words").textContent = words(new URL(found.url), found.expires_in_s);
   $("wand-address").href = found.url;
-  $("wand-pairing").scrollIntoView({ block: "center" });
+  $("wand-pairing").scrollIntoView();
 }
 
 function words({ hostname, protocol }, seconds) {
