@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 84] = [
+const FILES: [(&str, &str, &str); 85] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -83,6 +83,7 @@ const FILES: [(&str, &str, &str); 84] = [
     ("/view-shader.js", SCRIPT, include_str!("page/kiosk/view-shader.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),
+    ("/spacemouse.js", SCRIPT, include_str!("page/kiosk/spacemouse.js")),
     ("/pairing.js", SCRIPT, include_str!("page/kiosk/pairing.js")),
     // A phone has no sign-in: its ticket opens the session.
     ("/wand", HTML, include_str!("page/wand/wand.html")),

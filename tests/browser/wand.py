@@ -1,4 +1,5 @@
-"""Pairs a phone with the page of a display by its QR code, and turns and points with it; prints what it saw as one JSON object.
+"""Pairs a phone with the page of a display by its QR code, and connects a SpaceMouse that a script plays; turns and points with
+both, and prints what it saw as one JSON object.
 
 usage: wand.py RELIEF CHROMIUM SERIES FOLDER
 """
@@ -123,6 +124,48 @@ def driven(browser, server):
     return seen
 
 
+#: A SpaceMouse behind WebHID, as a script: window.cap(id, numbers) is a report.
+CAP = """
+  const device = new EventTarget();
+  Object.assign(device, { vendorId: 0x256f, productId: 0xc652, opened: true });
+  const hid = new EventTarget();
+  Object.assign(hid, { getDevices: async () => [device], requestDevice: async () => [device] });
+  Object.defineProperty(navigator, "hid", { value: hid });
+  window.cap = (reportId, numbers) => {
+    const data = new DataView(reportId === 3 ? Uint8Array.from(numbers).buffer : Int16Array.from(numbers).buffer);
+    device.dispatchEvent(Object.assign(new Event("inputreport"), { reportId, data }));
+  };
+"""
+
+
+def capped(browser, server):
+    """What the view is after the cap was turned, and after it moved the cursor."""
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    context.add_init_script(CAP)
+    window = Window.__new__(Window)
+    window.page, window.problems = context.new_page(), []
+    window.page.on("pageerror", lambda error: window.problems.append(error.message))
+    window.page.goto(f"{server.url}/kiosk?preset=bone&size=960x540")
+    window.wait("document.documentElement.dataset.still === 'true'")
+    seen = {"before": settled(window)}
+    for _ in range(20):
+        window.page.evaluate("cap(2, [0, 0, 350])")
+        window.page.wait_for_timeout(20)
+    window.page.evaluate("cap(2, [0, 0, 0])")
+    seen["turned"] = settled(window)
+    window.page.mouse.click(480, 540)
+    seen["clicked"] = settled(window)
+    window.page.evaluate("cap(3, [1])")
+    for _ in range(20):
+        window.page.evaluate("cap(1, [350, 0, 0])")
+        window.page.wait_for_timeout(20)
+    window.page.evaluate("cap(3, [0])")
+    seen["moved"] = settled(window)
+    seen["problems"] = window.problems
+    context.close()
+    return seen
+
+
 def guarded(browser):
     """With tokens, the code opens one session on a phone that is not signed in."""
     tokens = pathlib.Path(FOLDER) / "tokens"
@@ -165,7 +208,7 @@ with sync_playwright() as playwright:
     browser = launched(playwright, CHROMIUM)
     server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "wand.db"))
     try:
-        print(json.dumps({"open": driven(browser, server), "guarded": guarded(browser)}))
+        print(json.dumps({"open": driven(browser, server), "cap": capped(browser, server), "guarded": guarded(browser)}))
     finally:
         server.kill()
     browser.close()

@@ -1,15 +1,28 @@
-//! A phone as a wand: paired by the QR code of the kiosk, with Chromium's sensors.
+//! Pointers of the kiosk: a phone, paired by its QR code, with Chromium's sensors; and a SpaceMouse behind
+//! WebHID, which a script plays.
+
+use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{driven, numbers, skipped};
+
+/// The results of the browser, once for all tests; `None` if there is no browser.
+fn seen() -> Option<&'static Value> {
+    static SEEN: OnceLock<Option<Value>> = OnceLock::new();
+    SEEN.get_or_init(|| driven("wand.py", "64", false)).as_ref()
+}
+
+fn patient_from_view(state: &Value) -> DQuat {
+    DQuat::from_slice(&numbers(&state["orientation_xyzw"])).normalize()
+}
 
 /// Invariant: A phone that scans the kiosk's code turns the view as it is turned, moves the cursor
 /// where it points, and places landmarks there; a code opens one session.
 #[test]
 fn a_phone_turns_points_and_places() {
-    let Some(seen) = driven("wand.py", "64", false) else { return skipped("a phone as a wand") };
+    let Some(seen) = seen() else { return skipped("a phone as a wand") };
     let open = &seen["open"];
     assert_eq!(open["problems"], json!([]));
     assert_eq!(open["violations"], json!([]));
@@ -17,9 +30,7 @@ fn a_phone_turns_points_and_places() {
     assert!(open["words"].as_str().unwrap().contains("cannot reach this address"), "{}", open["words"]);
 
     // The volume follows the hand: from above, clockwise by 25 degrees.
-    let patient_from_view =
-        |state: &str| DQuat::from_slice(&numbers(&open[state]["orientation_xyzw"])).normalize();
-    let turn = patient_from_view("turned").inverse() * patient_from_view("before");
+    let turn = patient_from_view(&open["turned"]).inverse() * patient_from_view(&open["before"]);
     let expected = DQuat::from_rotation_y(-25f64.to_radians());
     let apart = turn.angle_between(expected).to_degrees();
     assert!(apart < 0.1, "{turn} is {apart} degrees from {expected}");
@@ -27,7 +38,7 @@ fn a_phone_turns_points_and_places() {
     // Across the line of sight, because the surface is steep there: a pixel has 0.6 mm.
     let [pointed, clicked] =
         ["pointed", "clicked"].map(|state| DVec3::from_slice(&numbers(&open[state]["cursor_mm"])));
-    let apart = patient_from_view("clicked").inverse() * (pointed - clicked);
+    let apart = patient_from_view(&open["clicked"]).inverse() * (pointed - clicked);
     assert!(apart.truncate().length() < 0.6, "the phone's cursor is {apart} mm from that of a click");
     let placed = open["placed"].as_array().unwrap();
     assert_eq!(placed.len(), 1, "{placed:?}: {}", open["said"]);
@@ -35,4 +46,23 @@ fn a_phone_turns_points_and_places() {
     let guarded = &seen["guarded"];
     assert_eq!((&guarded["has_ticket"], &guarded["is_read"]), (&json!(true), &json!(true)), "{guarded}");
     assert!(guarded["second"].as_str().unwrap().contains("Scan a new code"), "{guarded}");
+}
+
+/// Invariant: A SpaceMouse behind WebHID turns the view about the axis of its cap, and moves the
+/// cursor along it.
+#[test]
+fn a_spacemouse_turns_and_moves_the_cursor() {
+    let Some(seen) = seen() else { return skipped("a SpaceMouse behind WebHID") };
+    let cap = &seen["cap"];
+    assert_eq!(cap["problems"], json!([]));
+    let turn = patient_from_view(&cap["turned"]).inverse() * patient_from_view(&cap["before"]);
+    // Pressed clockwise, from above: z of the device points down.
+    let about = turn.to_scaled_axis();
+    assert!(about.x.abs() < 1e-3 && about.z.abs() < 1e-3, "{about}");
+    let degrees = about.y.to_degrees();
+    assert!((-120.0..=-20.0).contains(&degrees), "{degrees} degrees in about half a second");
+    let [clicked, moved] =
+        ["clicked", "moved"].map(|state| DVec3::from_slice(&numbers(&cap[state]["cursor_mm"])));
+    let by = patient_from_view(&cap["moved"]).inverse() * (moved - clicked);
+    assert!(by.x > 10.0 && by.x < 60.0 && by.y.abs() < 1e-3 && by.z.abs() < 1e-3, "{by} mm");
 }

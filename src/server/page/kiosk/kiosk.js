@@ -13,6 +13,7 @@ import { compose, layoutOf } from "./frame.js";
 import { outputOf } from "./outputs.js";
 import { showPairing } from "./pairing.js";
 import { Session } from "./session.js";
+import { SpaceMouse } from "./spacemouse.js";
 import { Synthesis } from "./synthesis.js";
 import { Wiimote } from "./wiimote.js";
 
@@ -30,6 +31,8 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 let tracking = "";
 let remote = "";
+/** What is to be said of the SpaceMouse. */
+let cap = "";
 /** The newest frame, from which views for other eyes are made. */
 let last = null;
 /** Where the viewer's eyes are, and the time from there to the picture, ms. */
@@ -155,6 +158,14 @@ const wiimote = new Wiimote({
   },
 });
 
+const spacemouse = new SpaceMouse({
+  send: (intent) => session.intent(intent),
+  changed(words) {
+    cap = words;
+    describe();
+  },
+});
+
 // ---------------------------------------------------------------- messages
 
 /** Displays a refusal for a few seconds. */
@@ -168,7 +179,7 @@ function refused(reason) {
 
 function words() {
   const network = [CONNECTION[connection.state], connection.reason].filter(Boolean).join(": ");
-  return [network, remote, TRACKING[tracking]].filter(Boolean).join(" · ");
+  return [network, remote, cap, TRACKING[tracking]].filter(Boolean).join(" · ");
 }
 
 /** The frame rate over the last thirty frames. */
@@ -252,6 +263,12 @@ async function connectWiimote() {
   describe();
 }
 
+async function connectSpaceMouse() {
+  if (!Wiimote.isPossible) return;
+  await spacemouse.choose().catch((error) => (cap = error.message));
+  describe();
+}
+
 /** Shows the code that makes a phone a wand, in the menu. */
 async function pairPhone() {
   if (!view) return;
@@ -288,14 +305,16 @@ async function choosePreset(at) {
 onControls(canvas, {
   send: (intent) => session.intent(intent),
   placeOf,
-  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, p: pairPhone },
+  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, s: connectSpaceMouse, p: pairPhone },
 });
 $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);
 $("wiimote").addEventListener("click", connectWiimote);
 $("wand").addEventListener("click", pairPhone);
-$("wiimote").hidden = !Wiimote.isPossible;
+$("spacemouse").addEventListener("click", connectSpaceMouse);
+$("wiimote").hidden = $("spacemouse").hidden = !Wiimote.isPossible;
 menu.addEventListener("keydown", (event) => ["m", "?"].includes(event.key) && toggleMenu());
 setInterval(tick, 1000);
 canvas.focus();
 wiimote.reopen();
+spacemouse.reopen();
