@@ -9,7 +9,9 @@ use pyo3::prelude::*;
 use crate::error::raised;
 use crate::frame::Frame;
 use crate::renderers;
+use relief_archive::{ArchiveAccess, ArchiveError, Credentials};
 use relief_base::Transform;
+use relief_batch::{Copies, CopiesOptions};
 use relief_dicom::{Strictness, discover, is_volume_file, load, read_volume};
 use relief_render::{SceneFile, Subject};
 use relief_volume::{Grid, Orbit, PhantomKind, PhantomRecipe, UnknownPhantom};
@@ -21,22 +23,41 @@ pub(crate) struct Volume {
     warnings: Vec<String>,
 }
 
-/// Loads a series or a volume file.
+/// Bytes that copies of series of archives and buckets may have together.
+const COPIES_BYTES: u64 = 16 << 30;
+
+/// Files for series of archives and buckets: the folder of copies, login, token, authorities, identity.
+type RemoteFiles = [Option<PathBuf>; 5];
+
+/// Copies of series of archives and buckets.
+fn copies([folder, login, token, authorities, identity]: RemoteFiles) -> Result<Copies, ArchiveError> {
+    let login = login.as_deref().map(Credentials::login_of).transpose()?;
+    let token = token.as_deref().map(Credentials::token_of).transpose()?;
+    let archives = ArchiveAccess { credentials: login.or(token), authorities, identity };
+    Ok(Copies::new(CopiesOptions { folder, bytes: COPIES_BYTES, archives, ..CopiesOptions::default() }))
+}
+
+/// Loads a series or a volume file, of this machine, an archive or a bucket.
 #[pyfunction]
-#[pyo3(signature = (path, series_uid=None, strict=false))]
+#[pyo3(signature = (path, series_uid=None, strict=false, remote=[None, None, None, None, None]))]
 pub(crate) fn open_volume(
     py: Python<'_>,
     path: PathBuf,
     series_uid: Option<String>,
     strict: bool,
+    remote: RemoteFiles,
 ) -> PyResult<Volume> {
     py.detach(move || {
-        if is_volume_file(&path) {
-            let found = read_volume(&path).map_err(|error| raised(&error))?;
+        let copies = copies(remote).map_err(|error| raised(&error))?;
+        // A copy stays until the series is read.
+        let local = copies.local(&path).map_err(|error| raised(&error))?;
+        let path = local.path();
+        if is_volume_file(path) {
+            let found = read_volume(path).map_err(|error| raised(&error))?;
             return Ok(Volume { volume: found.volume, warnings: found.warnings });
         }
         let strictness = if strict { Strictness::Strict } else { Strictness::Lenient };
-        let found = discover(&path, strictness, &|_| ()).map_err(|error| raised(&error))?;
+        let found = discover(path, strictness, &|_| ()).map_err(|error| raised(&error))?;
         let entry = found.select(series_uid.as_deref()).map_err(|error| raised(&error))?;
         let loaded = load(entry, strictness, &|_| ()).map_err(|error| raised(&error))?;
         let warnings = found.warnings().into_iter().chain(loaded.warnings).map(|warning| warning.message);

@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import socket
 import subprocess
 import tempfile
 import threading
@@ -46,6 +47,44 @@ class Series(unittest.TestCase):
     @classmethod
     def tearDownClass(cls):
         cls.folder.cleanup()
+
+
+class Archives(Series):
+    """Series of an Orthanc on loopback."""
+
+    def test_a_series_of_an_archive_is_that_of_its_files(self):
+        programs = os.environ.get("RELIEF_ORTHANC")
+        if not programs:
+            print("SKIPPED: series of archives in Python (RELIEF_ORTHANC is not set)", flush=True)
+            return
+        with socket.socket() as one, socket.socket() as two:
+            one.bind(("127.0.0.1", 0)), two.bind(("127.0.0.1", 0))
+            web, dicom = one.getsockname()[1], two.getsockname()[1]
+        store = self.path / "store"
+        settings = self.path / "orthanc.json"
+        settings.write_text(json.dumps({
+            "StorageDirectory": str(store), "IndexDirectory": str(store), "HttpPort": web, "DicomPort": dicom, "DicomAet": "ORTHANC",
+            "DicomAlwaysAllowStore": True, "AuthenticationEnabled": True, "RegisteredUsers": {"reader": "a secret"}, "Plugins": [f"{programs}/dicomweb.so"],
+        }))
+        login = self.path / "login"
+        login.write_text("reader:a secret\n")
+        with open(self.path / "orthanc.log", "wb") as log:
+            orthanc = subprocess.Popen([f"{programs}/Orthanc", settings], stdout=log, stderr=log)
+        self.addCleanup(orthanc.wait)
+        self.addCleanup(orthanc.kill)
+        for _ in range(300):
+            if b"Orthanc has started" in (self.path / "orthanc.log").read_bytes():
+                break
+            time.sleep(0.1)
+        storing = [f"{programs}/storescu", "-aec", "ORTHANC", "127.0.0.1", str(dicom), "+sd", "+r", "+sp", "*.dcm", self.series]
+        subprocess.run(storing, check=True, capture_output=True)
+        address = f"dicomweb+http://127.0.0.1:{web}/dicom-web?Modality=CT"
+        for options in [{"archive_login_file": login}, {"archive_login_file": login, "cache": self.path / "copies"}]:
+            volume = relief.open(address, **options)
+            self.assertEqual(volume.id, self.volume.id)
+        self.assertTrue(list((self.path / "copies").rglob("*.dcm")))
+        with self.assertRaisesRegex(relief.ReliefError, "refuses access"):
+            relief.open(address)
 
 
 class Volumes(Series):

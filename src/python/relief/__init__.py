@@ -250,13 +250,30 @@ class Volume:
 _open_file = open
 
 
-def open(path: str | os.PathLike[str], *, series_uid: Optional[str] = None, strict: bool = False) -> Volume:  # noqa: A001
+def open(  # noqa: A001
+    path: str | os.PathLike[str],
+    *,
+    series_uid: Optional[str] = None,
+    strict: bool = False,
+    cache: Optional[str | os.PathLike[str]] = None,
+    archive_login_file: Optional[str | os.PathLike[str]] = None,
+    archive_token_file: Optional[str | os.PathLike[str]] = None,
+    archive_ca: Optional[str | os.PathLike[str]] = None,
+    archive_identity: Optional[str | os.PathLike[str]] = None,
+) -> Volume:
     """Loads a CT series (folder, file, DICOMDIR or zip) or a volume in HU (.nii, .nii.gz, .nrrd).
+
+    A series may also be in a DICOM archive (`dicomweb+https://HOST/ROOT/studies/UID/series/UID`, or a query that matches one
+    series) or in a bucket (`s3://BUCKET/PREFIX`); `cache` keeps copies of these in a folder. The files of archives have the
+    meaning of the command line's options; where left out, the variables RELIEF_ARCHIVE_LOGIN_FILE, ..._TOKEN_FILE, ..._CA and
+    ..._IDENTITY name them.
 
     `series_uid` chooses one of several series. `strict` fails on defective files; otherwise they are left out, and
     `Volume.warnings` says so.
     """
-    return Volume(_native.open_volume(path, series_uid, strict))
+    named = {"LOGIN_FILE": archive_login_file, "TOKEN_FILE": archive_token_file, "CA": archive_ca, "IDENTITY": archive_identity}
+    files = [given or os.environ.get(f"RELIEF_ARCHIVE_{name}") or None for name, given in named.items()]
+    return Volume(_native.open_volume(path, series_uid, strict, [cache, *files]))
 
 
 def phantom(kind: str = "head", size: int = 128) -> Volume:
