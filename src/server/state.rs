@@ -391,6 +391,14 @@ impl Server {
         self.engine.volumes.add_own(loaded, Some(reader))
     }
 
+    /// Removes a volume of the operator; sessions that show it end.
+    pub fn withdraw_series(&self, id: &str) {
+        if let Some(removed) = self.engine.volumes.withdraw(id) {
+            self.engine.service.forget(removed.hash);
+            self.live.views.wake();
+        }
+    }
+
     /// Evicts voxels until `bytes` are free, before a series is read.
     ///
     /// # Errors

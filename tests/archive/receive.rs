@@ -152,7 +152,9 @@ fn what_was_acknowledged_survives_a_kill() {
         .filter(|path| path.extension().is_some_and(|it| it == "dcm"))
         .count();
     let mut acknowledged = 0;
-    for kill in 0..5 {
+    // Moments that are spread over the objects, and over the steps of one.
+    for kill in 0..20 {
+        let (objects, delay) = (1 + kill * 7 % 20, Duration::from_micros((kill * 137 % 900) as u64));
         let receiving = Receiving::start(&inbox, &["--any-caller"]);
         let mut storescu = dcmtk(what, "storescu").unwrap();
         storescu.arg("-v").args(["-aec", "RELIEF", "127.0.0.1", &receiving.port.to_string()]);
@@ -165,7 +167,8 @@ fn what_was_acknowledged_survives_a_kill() {
         let mut answers = 0;
         for line in BufReader::new(sending.stderr.take().unwrap()).lines().map_while(Result::ok) {
             answers += usize::from(line.contains("Received Store Response (Success)"));
-            if answers == 4 * kill + 3 {
+            if answers == objects {
+                std::thread::sleep(delay);
                 signal("-KILL", receiving.process.id());
             }
         }
@@ -245,6 +248,38 @@ fn a_server_shows_series_that_arrive() {
     assert_eq!(process.stop(), Some(0));
     let (_process, address) = start();
     assert_eq!(volumes(&address), volumes(&expected));
+}
+
+/// Invariant: When objects of a received series arrive later, a server shows the larger volume in
+/// place of the smaller one.
+#[test]
+fn a_series_that_grows_is_replaced() {
+    let what = "a series that grows";
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (inbox, series) = (folder.path().join("inbox"), phantom(folder.path(), "head"));
+    let parts = ["first", "second"].map(|name| folder.path().join(name));
+    parts.iter().for_each(|part| std::fs::create_dir(part).unwrap());
+    let mut files: Vec<_> = std::fs::read_dir(&series).unwrap().map(|file| file.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|ending| ending == "dcm"));
+    files.sort();
+    for (number, file) in files.iter().enumerate() {
+        let part = &parts[usize::from(number >= files.len() / 2)];
+        std::fs::copy(file, part.join(file.file_name().unwrap())).unwrap();
+    }
+    let port = free_ports();
+    let mut serve =
+        relief(&["serve", "--listen", "127.0.0.1:0", "--receive-quiet", "1", "--receive-caller", "SCANNER"]);
+    serve.args(["--receive-listen", &format!("127.0.0.1:{port}"), "--receive"]).arg(&inbox);
+    let (_process, lines) = Process::start(serve.stderr(Stdio::null()));
+    let address = lines[0].split_once("http://").unwrap().1.trim_end_matches('/').to_owned();
+    let (_lone, expected) = lone(std::slice::from_ref(&series));
+    assert!(send(&mut storescu, "SCANNER", port, &parts[0]).status.success());
+    until("the first half is served", || volumes(&address).len() == 1);
+    assert_ne!(volumes(&address), volumes(&expected));
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    assert!(send(&mut storescu, "SCANNER", port, &parts[1]).status.success());
+    until("the whole series is served alone", || volumes(&address) == volumes(&expected));
 }
 
 /// Invariant: No bytes end a receiver, and callers that are silent keep no others out.

@@ -7,6 +7,7 @@ pub fn recording(bytes: &[u8]) {
     let _ = Calibrations::decode(bytes);
     let _ = MotionPlus::decode(bytes);
     let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
+    transform(bytes);
     for line in RecordingReader::new(bytes) {
         if line.is_err() {
             break;
@@ -32,6 +33,18 @@ pub fn reports(bytes: &[u8]) {
             assert!(
                 pose.position.iter().chain(pose.orientation.coords.iter()).all(|number| number.is_finite())
             );
+        }
+    }
+}
+
+/// A transform with these bytes as its body, whose checksum is right, by both forms of a body.
+fn transform(body: &[u8]) {
+    let message = relief_tracking::igtl_message("TRANSFORM", "tool", 0, body);
+    let Some(Ok(header)) = message.first_chunk().map(relief_tracking::IgtlHeader::decode) else { return };
+    for version in [1, 3] {
+        let header = relief_tracking::IgtlHeader { version, ..header.clone() };
+        if let Ok(Some(pose)) = relief_tracking::igtl_pose(&header, body) {
+            assert!(pose.position.iter().all(|mm| mm.is_finite()), "{pose:?}");
         }
     }
 }

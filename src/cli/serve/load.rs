@@ -1,5 +1,7 @@
 //! The series of `relief serve`: where they are, and loading them behind the server.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
@@ -119,7 +121,7 @@ pub(crate) fn load_behind(
 ) -> anyhow::Result<oneshot::Receiver<anyhow::Error>> {
     let (report, failed) = oneshot::channel();
     std::thread::Builder::new().name("relief-load".into()).spawn(move || {
-        let loading = Loading { loader: &loader, server: &server };
+        let loading = Loading { loader: &loader, server: &server, served: RefCell::default() };
         // A panic ends the server with its reason; it would be loading for ever otherwise.
         let outcome = std::panic::catch_unwind(AssertUnwindSafe(|| loading.all(&places)));
         let panicked = |_| Err(anyhow::anyhow!("reading a series panicked; see the message above"));
@@ -175,6 +177,8 @@ impl SeriesLoader {
 struct Loading<'a> {
     loader: &'a SeriesLoader,
     server: &'a Server,
+    /// Ids of the volumes that were read from each place.
+    served: RefCell<HashMap<PathBuf, Vec<String>>>,
 }
 
 impl Loading<'_> {
@@ -223,13 +227,20 @@ impl Loading<'_> {
         Ok(added)
     }
 
-    /// Adds the series of a folder that was received.
+    /// Adds the series of a folder that was received. If it was served before, it has grown, and
+    /// the smaller volumes go.
     fn arrived(&self, folder: &Path) {
         let place = SeriesLocation::received(folder);
+        let before = self.served.borrow_mut().remove(folder).unwrap_or_default();
         self.server.expect_volumes(1);
         if let Err(error) = self.place(&place) {
             self.leave_out(&place, &error);
+            self.served.borrow_mut().insert(folder.to_owned(), before);
+            return;
         }
+        let served = self.served.borrow();
+        let now = served.get(folder).map(Vec::as_slice).unwrap_or_default();
+        before.iter().filter(|id| !now.contains(id)).for_each(|id| self.server.withdraw_series(id));
     }
 
     fn leave_out(&self, place: &SeriesLocation, reason: &anyhow::Error) -> usize {
@@ -245,6 +256,7 @@ impl Loading<'_> {
         let labels = place.labels.as_deref();
         let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
         let entry = self.server.add_series(LoadedVolume { labels, ..served }, read)?;
+        self.served.borrow_mut().entry(place.path.clone()).or_default().push(entry.id.clone());
         eprintln!("volume {}: {}; /#volume={0} shows it", entry.id, entry.name());
         Ok(())
     }

@@ -232,6 +232,13 @@ impl Volumes {
         Ok(inner.entries.remove(at))
     }
 
+    /// Removes a volume of the operator; `None` if no such volume has this id.
+    pub fn withdraw(&self, id: &str) -> Option<Arc<VolumeEntry>> {
+        let mut inner = self.write();
+        let at = inner.entries.iter().position(|entry| entry.id == id && !entry.is_upload())?;
+        Some(inner.entries.remove(at))
+    }
+
     /// Entries are whole between statements, so a panic elsewhere leaves them usable.
     fn read(&self) -> RwLockReadGuard<'_, Inner> {
         self.inner.read().unwrap_or_else(PoisonError::into_inner)
