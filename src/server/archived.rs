@@ -1,5 +1,5 @@
-//! The archives that clients may search: how they are reached, what was found in them, and what is being
-//! loaded. `archives` has the routes.
+//! A search over archives: the trait by which the server reaches an archive, the table of the series
+//! that searches found, and the state of loading each. `archives` has the routes.
 
 use std::collections::{HashMap, VecDeque};
 use std::error::Error;
@@ -25,8 +25,8 @@ const SEARCHES: usize = 4;
 /// Why an archive was not searched, or a series of it not loaded.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Searches archives and retrieves their series. Its methods block. Clients see the messages of its
-/// errors, so they must not name UIDs and patients.
+/// Searches archives and retrieves their series. All methods block. Clients see the messages of
+/// errors, so no message may have UIDs, patients or paths.
 pub trait SeriesArchives: Send + Sync {
     /// The names of the archives, in the order of the operator.
     fn names(&self) -> &[String];
@@ -49,17 +49,17 @@ pub trait SeriesArchives: Send + Sync {
     ) -> Result<(LoadedVolume, VolumeReader), Failure>;
 }
 
-/// What a loading series reports and asks for.
+/// The callbacks of loading a series.
 #[derive(Clone)]
 pub struct LoadSteps<'a> {
-    /// Is notified of the number of files that have arrived, and of all.
+    /// Gets the number of files that have arrived, and the number of all files.
     pub progress: Arc<dyn Fn(usize, usize) + Send + Sync>,
     /// Makes room for so many bytes of voxels.
     pub make_room: &'a dyn Fn(u64) -> Result<(), MemoryFull>,
 }
 
-/// The attributes that series must have: DICOM's values, with `*` and `?` for any letters and
-/// ranges of dates. Absent ones may be anything.
+/// The attributes that a series must have. Values are DICOM's: `*` and `?` stand for any letters, and a
+/// date may be a range. An absent attribute matches every series.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SeriesQuery {
@@ -111,7 +111,7 @@ pub struct ArchivedSeries {
     pub patient_name: String,
 }
 
-/// The archives of a server, what was found in them, and what is being loaded.
+/// The archives of a server, and the series that searches found in them.
 pub(super) struct Archives {
     pub(super) source: Box<dyn SeriesArchives>,
     pub(super) searches: Arc<Semaphore>,
@@ -239,11 +239,7 @@ impl Archives {
         let make_room = |bytes| engine.volumes.make_room(bytes);
         let steps = LoadSteps { progress, make_room: &make_room };
         let (loaded, reader) = self.source.load(archive, series, &steps)?;
-        // Announced, because adding a volume takes back an announcement.
-        engine.volumes.expect(1);
-        let entry =
-            engine.volumes.add_own(loaded, Some(reader)).inspect_err(|_| engine.volumes.expect_fewer(1))?;
-        Ok(entry.id.clone())
+        Ok(engine.volumes.add_requested(loaded, reader)?.id.clone())
     }
 }
 

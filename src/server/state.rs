@@ -345,7 +345,8 @@ impl Server {
         Self { annotations: Some(Arc::new(Annotations::new(store))), ..self }
     }
 
-    /// Sets the archives that clients may search and load series from; without them there are none.
+    /// Lets clients search these archives and load series from them. Without this call, clients can
+    /// search no archive.
     ///
     /// # Errors
     /// When the system has no random numbers.

@@ -91,6 +91,27 @@ fn a_series_is_found_by_a_search_and_loaded_on_demand() {
     assert_eq!(series[0]["description"], head["description"]);
 }
 
+/// A series that the operator serves with a label map keeps the map when a client loads the same
+/// series from an archive.
+#[test]
+fn a_series_that_is_served_already_keeps_its_label_map() {
+    let Some(orthanc) = Orthanc::start("a series that is served already", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = phantom(folder.path(), "head");
+    orthanc.store(&files);
+    let labels = files.join("labels.seg.nrrd");
+    let more = ["--series", files.to_str().unwrap(), "--labels", labels.to_str().unwrap()];
+    let (_process, address) = searching(&orthanc, folder.path(), &more);
+    until("the series is served", || volumes(&address).len() == 1);
+    let segments = || get(&address, "/v1/volumes", "").json()["volumes"][0]["segments"].clone();
+    let before = segments();
+    assert!(before.as_array().is_some_and(|segments| !segments.is_empty()), "{before}");
+    let series = found(&address, &json!({ "patient_id": "*" }));
+    let last = loaded(&address, series[0]["key"].as_str().unwrap());
+    assert_eq!(last["volume"], json!(volumes(&address)[0]));
+    assert_eq!(segments(), before);
+}
+
 /// Searches that are wrong, archives that are gone, and callers without the scope get a reason.
 #[test]
 fn wrong_searches_and_callers_without_the_scope_are_refused() {

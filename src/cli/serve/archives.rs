@@ -111,15 +111,22 @@ impl SeriesArchives for SearchedArchives {
         let progress = Arc::clone(&steps.progress);
         let copies =
             self.loader.copies.with_progress(CopyProgress::new(move |done, files| progress(done, files)));
-        // Retrieved before it is read, which finds the copy.
         let local = copies.local(place.path())?;
-        let reader = self.loader.reader(&place);
-        let options =
-            reader.list(local.path(), &self.loader.options).map_err(|error| format!("{error:#}"))?;
-        let [options] = &*options else {
-            return Err(format!("{} series have one UID, expected one", options.len()).into());
+        let listed = self.loader.reader(&place).list(local.path(), &self.loader.options).map_err(public)?;
+        let [options] = &*listed else {
+            return Err(format!("the archive sent {} series for one UID", listed.len()).into());
         };
-        let read = self.loader.read(&place, options, steps.make_room);
-        Ok(read.map_err(|error| format!("{error:#}"))?)
+        self.loader.read(&place, &local, options, steps.make_room).map_err(public)
+    }
+}
+
+/// What messages call a series, whose files lie in a folder of this machine.
+const SUBJECT: &str = "the series";
+
+/// An error without names of files.
+fn public(error: anyhow::Error) -> LoadError {
+    match error.downcast::<relief_dicom::Error>() {
+        Ok(error) => error.without_names(SUBJECT).into(),
+        Err(error) => format!("{error:#}").into(),
     }
 }

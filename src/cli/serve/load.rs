@@ -14,7 +14,7 @@ use tokio::sync::oneshot;
 use crate::labels;
 use crate::serve::series::{InProcess, SeriesReader};
 use crate::source::SeriesOptions;
-use relief_batch::{Copies, Location};
+use relief_batch::{Copies, Local, Location};
 use relief_render::VolumeLimits;
 use relief_server::Server;
 use relief_session::{LoadedVolume, MemoryFull, VolumeReader};
@@ -24,7 +24,8 @@ use relief_session::{LoadedVolume, MemoryFull, VolumeReader};
 pub(crate) struct SeriesLocation {
     path: PathBuf,
     labels: Option<PathBuf>,
-    /// Of a bucket, an archive or a folder of received series: the prefix, which of them it is, and of how many.
+    /// In a bucket, an archive or a folder of received series: the prefix, the number of this place
+    /// below it, and the number of all.
     among: Option<(PathBuf, usize, usize)>,
 }
 
@@ -149,22 +150,22 @@ impl SeriesLoader {
         if place.among.is_some() { Arc::clone(&self.of_buckets) } else { Arc::new(InProcess) }
     }
 
-    /// Reads a series, with room made before, and a way to read its voxels again.
+    /// Reads a series from its local files, after room was made for it. The returned reader reads its
+    /// voxels again.
     pub(crate) fn read(
         &self,
         place: &SeriesLocation,
+        local: &Local,
         options: &SeriesOptions,
         make_room: &dyn Fn(u64) -> Result<(), MemoryFull>,
     ) -> anyhow::Result<(LoadedVolume, VolumeReader)> {
         let reader = self.reader(place);
-        let local = self.copies.local(&place.path)?;
         let wanted = |dims: [usize; 3]| {
             self.limits.plan(dims)?;
             let bytes = dims.iter().fold(size_of::<i16>() as u64, |bytes, &n| bytes.saturating_mul(n as u64));
             Ok(make_room(bytes)?)
         };
         let loaded = reader.read(local.path(), options, &wanted)?;
-        drop(local); // a copy may go when there is no room for others
         let (copies, path, options) = (self.copies.clone(), place.path.clone(), options.clone());
         let again = move || {
             let local = copies.local(&path).map_err(|_| Unreadable)?;
@@ -197,7 +198,8 @@ impl Loading<'_> {
     /// bucket are skipped with a warning.
     fn place(&self, place: &SeriesLocation) -> anyhow::Result<usize> {
         let Some((_, _, count)) = place.among else {
-            return self.series(place, &self.loader.options).map(|()| 1);
+            let local = self.loader.copies.local(&place.path)?;
+            return self.series(place, &local, &self.loader.options).map(|()| 1);
         };
         let local = match self.loader.copies.local(&place.path) {
             // Nothing there, or more than copies may have: the others are served all the same.
@@ -218,7 +220,7 @@ impl Loading<'_> {
         self.server.expect_volumes(options.len() - 1);
         let mut added = 0;
         for options in &options {
-            match self.series(place, options) {
+            match self.series(place, &local, options) {
                 Ok(()) => added += 1,
                 Err(error) if count > 1 => added += self.leave_out(place, &error),
                 Err(error) => return Err(error),
@@ -235,7 +237,7 @@ impl Loading<'_> {
         self.server.expect_volumes(1);
         if let Err(error) = self.place(&place) {
             self.leave_out(&place, &error);
-            self.served.borrow_mut().insert(folder.to_owned(), before);
+            self.served.borrow_mut().entry(folder.to_owned()).or_default().extend(before);
             return;
         }
         let served = self.served.borrow();
@@ -250,9 +252,9 @@ impl Loading<'_> {
     }
 
     /// Loads a series and its label map, with room made before and a way to read it again.
-    fn series(&self, place: &SeriesLocation, options: &SeriesOptions) -> anyhow::Result<()> {
+    fn series(&self, place: &SeriesLocation, local: &Local, options: &SeriesOptions) -> anyhow::Result<()> {
         let make_room = |bytes| self.server.make_room(bytes);
-        let (served, read) = self.loader.read(place, options, &make_room)?;
+        let (served, read) = self.loader.read(place, local, options, &make_room)?;
         let labels = place.labels.as_deref();
         let labels = labels.map(|labels| labels::load(labels, served.volume.grid())).transpose()?;
         let entry = self.server.add_series(LoadedVolume { labels, ..served }, read)?;

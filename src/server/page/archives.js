@@ -32,12 +32,17 @@ async function search(loaded) {
   try {
     const answer = await post(`/v1/archives/${archive}/search`, Object.fromEntries(given));
     const { series, has_more: hasMore } = await answer.json();
-    say(series.length ? `${series.length}${hasMore ? " of more" : ""} CT series` : "No CT series match.");
+    say(foundWords(series.length, hasMore));
     list.replaceChildren(...series.map((one) => row(archive, one, loaded)));
   } catch (error) {
     say(error.message, true);
   }
   $("archive-search").disabled = false;
+}
+
+function foundWords(count, hasMore) {
+  if (hasMore) return `The first ${count} CT series that match. Narrow the search to see others.`;
+  return count ? `${count} CT series` : "No CT series match.";
 }
 
 function post(path, body) {

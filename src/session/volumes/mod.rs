@@ -117,11 +117,35 @@ impl Volumes {
         let entry = VolumeEntry::new(loaded, Owner::Operator, reader, self.names); // hashes the voxels: not under the lock
         let mut inner = self.write();
         inner.entries.retain(|known| known.id != entry.id);
-        self.residents.make_room(&inner.entries, entry.memory_bytes() + entry.label_bytes())?;
+        self.push(&mut inner, &entry)?;
         inner.loading = inner.loading.saturating_sub(1);
-        self.residents.touch(&entry.voxels);
-        inner.entries.push(Arc::clone(&entry));
         Ok(entry)
+    }
+
+    /// Adds a volume that a client requested and that was not announced, or finds an equal one, which
+    /// keeps its label map. `reader` reads its voxels again.
+    ///
+    /// # Errors
+    /// When there is no room for its voxels.
+    pub fn add_requested(
+        &self,
+        loaded: LoadedVolume,
+        reader: VolumeReader,
+    ) -> Result<Arc<VolumeEntry>, MemoryFull> {
+        let entry = VolumeEntry::new(loaded, Owner::Operator, Some(reader), self.names);
+        let mut inner = self.write();
+        if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
+            return Ok(Arc::clone(known));
+        }
+        self.push(&mut inner, &entry)?;
+        Ok(entry)
+    }
+
+    fn push(&self, inner: &mut Inner, entry: &Arc<VolumeEntry>) -> Result<(), MemoryFull> {
+        self.residents.make_room(&inner.entries, entry.memory_bytes() + entry.label_bytes())?;
+        self.residents.touch(&entry.voxels);
+        inner.entries.push(Arc::clone(entry));
+        Ok(())
     }
 
     /// Adds an uploaded volume, or finds an equal one.
