@@ -94,7 +94,7 @@ pub use solve::ipopt::solve_with_ipopt;
 pub use solve::paper::{PaperSolution, level_start, solve_as_published};
 pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
 pub use solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting, Solutions};
-pub use tool::{NotRigid, TrackerGeometry};
+pub use tool::{NotRigid, ToolPlacement, TrackerGeometry};
 pub use tracker::{
     DroppedReports, FilterKind, Frame, Frames, PoseRecord, SolverKind, TrackedSample, Tracker,
     TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,

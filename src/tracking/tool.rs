@@ -1,12 +1,13 @@
-//! How the axes of another tracker and of its tool lie: the file of `relief client --tracker-geometry`.
+//! The axes of a tracker and of its tool, relative to those of the display and of a pointer: the file of
+//! `relief client --tracker-geometry`.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::pose::SensorPose;
 
-/// Rigid transforms as rows of 4 x 4 matrices, mm. The axes of the display are x right, y up, z towards the viewer;
-/// those of a pointer are a Wiimote's: x right, y down, z forward.
+/// Rigid transforms as rows of 4 x 4 matrices, mm. The display has x right, y up, z towards the
+/// viewer. A pointer has the axes of a Wiimote: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerGeometry {
@@ -29,26 +30,36 @@ impl Default for TrackerGeometry {
     }
 }
 
+/// A [`TrackerGeometry`] whose matrices are rigid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPlacement {
+    display_from_tracker: Isometry3<f64>,
+    tool_from_pointer: Isometry3<f64>,
+}
+
 impl TrackerGeometry {
     /// Refuses matrices that scale, mirror or shear.
     ///
     /// # Errors
     /// The first such matrix.
-    pub fn validate(&self) -> Result<(), NotRigid> {
-        rigid("display_from_tracker", &self.display_from_tracker)?;
-        rigid("tool_from_pointer", &self.tool_from_pointer).map(|_| ())
+    pub fn placement(&self) -> Result<ToolPlacement, NotRigid> {
+        Ok(ToolPlacement {
+            display_from_tracker: rigid("display_from_tracker", &self.display_from_tracker)?,
+            tool_from_pointer: rigid("tool_from_pointer", &self.tool_from_pointer)?,
+        })
     }
+}
 
+impl ToolPlacement {
     /// The pointer in the axes of the display, from the tool in the axes of the tracker.
-    ///
-    /// # Errors
-    /// As for [`TrackerGeometry::validate`].
-    pub fn place(&self, tool: &SensorPose) -> Result<SensorPose, NotRigid> {
-        let display_from_tracker = rigid("display_from_tracker", &self.display_from_tracker)?;
-        let tool_from_pointer = rigid("tool_from_pointer", &self.tool_from_pointer)?;
-        let tool = Isometry3::from_parts(Translation3::from(tool.position), tool.orientation);
-        let pointer = display_from_tracker * tool * tool_from_pointer;
-        Ok(SensorPose { position: pointer.translation.vector, orientation: pointer.rotation })
+    #[must_use]
+    pub fn place(&self, tool: &SensorPose) -> SensorPose {
+        let tracker_from_tool = Isometry3::from_parts(Translation3::from(tool.position), tool.orientation);
+        let display_from_pointer = self.display_from_tracker * tracker_from_tool * self.tool_from_pointer;
+        SensorPose {
+            position: display_from_pointer.translation.vector,
+            orientation: display_from_pointer.rotation,
+        }
     }
 }
 
@@ -94,26 +105,25 @@ mod tests {
                 [0.0, 0.0, 0.0, 1.0],
             ],
         };
-        assert_eq!(geometry.validate(), Ok(()));
         let tool =
             SensorPose { position: Vector3::new(10.0, 20.0, 300.0), orientation: UnitQuaternion::identity() };
-        let placed = geometry.place(&tool).unwrap();
+        let placed = geometry.placement().unwrap().place(&tool);
         assert!((placed.position - Vector3::new(10.0, 700.0, 20.0)).norm() < 1e-9, "{placed:?}");
         let forward = placed.orientation * Vector3::z();
         assert!((forward - Vector3::x()).norm() < 1e-9, "{forward}");
-        assert_eq!(TrackerGeometry::default().place(&tool), Ok(tool));
+        assert_eq!(TrackerGeometry::default().placement().unwrap().place(&tool), tool);
     }
 
     #[test]
     fn matrices_that_mirror_or_scale_are_refused() {
         let mut mirrored = TrackerGeometry::default();
         mirrored.display_from_tracker[0][0] = -1.0;
-        assert_eq!(mirrored.validate(), Err(NotRigid("display_from_tracker")));
+        assert_eq!(mirrored.placement(), Err(NotRigid("display_from_tracker")));
         let mut scaled = TrackerGeometry::default();
         scaled.tool_from_pointer[1][1] = 1000.0;
-        assert_eq!(scaled.validate(), Err(NotRigid("tool_from_pointer")));
+        assert_eq!(scaled.placement(), Err(NotRigid("tool_from_pointer")));
         let mut endless = TrackerGeometry::default();
         endless.tool_from_pointer[1][3] = f64::NAN;
-        assert_eq!(endless.validate(), Err(NotRigid("tool_from_pointer")));
+        assert_eq!(endless.placement(), Err(NotRigid("tool_from_pointer")));
     }
 }

@@ -7,7 +7,8 @@ use std::os::unix::net::UnixListener;
 use std::process::{Child, Command, Stdio};
 
 use futures_util::SinkExt;
-use relief_live::{ClientMessage, Intent, PlacePhase, PoseKind};
+use relief_live::{ClientMessage, Intent, PlacePhase, Pose, PoseKind, RemotePose};
+use relief_tracking::TrackingState;
 
 use crate::client::stand_in::{Socket, accept, listen, next, welcome};
 
@@ -95,7 +96,8 @@ fn a_spacenavd_that_is_not_there_is_an_error() {
     assert!(!output.status.success() && said.contains("is it installed and running?"), "{said}");
 }
 
-/// Sends a transform of two devices until it is stopped; prints its port first.
+/// Sends transforms of a stylus for a second, and those of another tool until it is stopped; prints a
+/// line when it listens.
 const PYIGTL: &str = r"
 import sys, time, numpy, pyigtl
 server = pyigtl.OpenIGTLinkServer(port=int(sys.argv[1]), local_server=True)
@@ -103,14 +105,18 @@ matrix = numpy.eye(4)
 matrix[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
 matrix[:3, 3] = [10, -20, 900]
 print('ready', flush=True)
+sent = 0
 while True:
     server.send_message(pyigtl.TransformMessage(numpy.eye(4), device_name='OtherToTracker'))
     server.send_message(pyigtl.StringMessage('on', device_name='StylusToTracker'))
-    server.send_message(pyigtl.TransformMessage(matrix, device_name='StylusToTracker'))
+    if sent < 50:
+        server.send_message(pyigtl.TransformMessage(matrix, device_name='StylusToTracker'))
+        sent += server.is_connected()
     time.sleep(0.02)
 ";
 
-/// Invariant: A tracker that speaks OpenIGTLink, as pyigtl does, moves the hand of a view.
+/// Invariant: A tracker that speaks OpenIGTLink, as pyigtl does, moves the hand of a view; a tool that
+/// is out of sight is lost, although others are tracked.
 #[tokio::test]
 async fn transforms_of_pyigtl_are_the_poses_of_a_hand() {
     let Some(python) = std::env::var_os("RELIEF_PEERS_PYTHON") else {
@@ -149,4 +155,11 @@ async fn transforms_of_pyigtl_are_the_poses_of_a_hand() {
         (z - half).abs() < 1e-6 && (w - half).abs() < 1e-6 && x.abs() < 1e-6 && y.abs() < 1e-6,
         "{x} {y} {z} {w}"
     );
+    while !matches!(
+        next(&mut socket).await,
+        Some(ClientMessage::Pose(Pose {
+            what: PoseKind::Remote(RemotePose { state: TrackingState::Lost, .. }),
+            ..
+        }))
+    ) {}
 }

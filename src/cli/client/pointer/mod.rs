@@ -17,8 +17,8 @@ pub(crate) struct PointerArguments {
     /// a tracker that sends OpenIGTLink transforms
     #[arg(long, value_name = "SOURCE", value_parser = parse, conflicts_with_all = ["measure", "replay"])]
     pointer: Option<Pointer>,
-    /// How the axes of the tracker and its tool lie: JSON with display_from_tracker and
-    /// tool_from_pointer, rows of 4x4 matrices in mm; identities where left out
+    /// Axes of the tracker and of its tool: JSON with display_from_tracker and tool_from_pointer, rows
+    /// of 4x4 matrices in mm; identities where left out
     #[arg(long, value_name = "FILE.json", requires = "pointer")]
     tracker_geometry: Option<PathBuf>,
 }
@@ -33,7 +33,7 @@ enum Pointer {
 }
 
 impl PointerArguments {
-    /// Whether there is to be another pointer.
+    /// Whether a pointer is named.
     pub(crate) fn is_there(&self) -> bool {
         self.pointer.is_some()
     }
@@ -66,7 +66,7 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
         None => Ok(()),
         Some(Pointer::SpaceMouse(socket)) => {
             if arguments.tracker_geometry.is_some() {
-                anyhow::bail!("--tracker-geometry is for trackers, and a SpaceMouse is none");
+                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl:HOST:PORT)");
             }
             #[cfg(unix)]
             return spacemouse::start(socket, handle);
@@ -74,8 +74,8 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
             anyhow::bail!("spacenavd at {} needs Unix", socket.display());
         }
         Some(Pointer::Igtl { address, device }) => {
-            let geometry = tracker::geometry(arguments.tracker_geometry.as_deref())?;
-            tracker::start(address, device.clone(), geometry, handle)
+            let placement = tracker::placement(arguments.tracker_geometry.as_deref())?;
+            tracker::start(address, device.clone(), placement, handle)
         }
     }
 }

@@ -1,10 +1,10 @@
-//! A SpaceMouse, as spacenavd reports it: it turns, shifts and zooms the view; while its first button
-//! is held it moves the cursor. The second button places at the cursor.
+//! A SpaceMouse, as spacenavd reports it: the cap turns, shifts and zooms the view. While the first
+//! button is held, the cap moves the cursor. The second button places a landmark at the cursor.
 //!
-//! The protocol of spacenavd: events of eight 32-bit integers in the machine's order. Type 0 is a
-//! movement: x right, y up, z away from the user, the rotations about them, and the time since
-//! the last event, ms. Types 1 and 2 are a pressed and a released button, with its number. The signs are
-//! those of `spnav_posrot_moveobj` in libspnav 1.0: positions (x, y, -z), rotations about (rx, ry, -rz).
+//! spacenavd sends events of eight 32-bit integers in the machine's byte order. Type 0 is a movement:
+//! x right, y up, z away from the user, the rotations about these axes, and the time since the last
+//! event, ms. Type 1 is a pressed button and type 2 a released one, with its number. The signs are
+//! those of `spnav_posrot_moveobj` in libspnav 1.0: positions (x, y, -z), rotations (rx, ry, -rz).
 
 use std::io::Read;
 use std::os::unix::net::UnixStream;
@@ -20,14 +20,15 @@ use relief_live::{Intent, PlacePhase};
 const EVENT_BYTES: usize = 32;
 /// Deflection that counts as full: what devices reach with the usual sensitivity.
 const FULL: f64 = 350.0;
-/// Speeds at full deflection: of turning, of shifting in heights of the picture, of zooming by e, of the cursor in mm.
+/// Speeds at full deflection, per second: degrees of turning, heights of the picture, exponent of
+/// zooming, mm of the cursor.
 const TURN_DEG_S: f64 = 120.0;
 const PAN_S: f64 = 0.8;
 const ZOOM_S: f64 = 1.2;
 const CURSOR_MM_S: f64 = 60.0;
-/// Longest time that one event may stand for: the first one after a rest has any.
-const LONGEST: f64 = 0.05;
-/// How often the end of the session is looked for.
+/// Longest time that one event counts for, s: the first one after a rest reports the whole rest.
+const LONGEST_S: f64 = 0.05;
+/// How often the thread checks whether the session has ended.
 const LOOK: Duration = Duration::from_millis(200);
 
 /// One event of spacenavd.
@@ -101,7 +102,7 @@ impl Event {
             0 => Self::Motion {
                 shift: DVec3::new(share(x), share(y), -share(z)),
                 turn: DVec3::new(share(rx), share(ry), -share(rz)),
-                seconds: (f64::from(period_ms) / 1e3).clamp(0.0, LONGEST),
+                seconds: (f64::from(period_ms) / 1e3).clamp(0.0, LONGEST_S),
             },
             1 | 2 => Self::Button { number: x, is_pressed: kind == 1 },
             _ => Self::Other,
@@ -110,6 +111,7 @@ impl Event {
 
     fn intents(self, moves_cursor: bool) -> Vec<Intent> {
         match self {
+            Self::Motion { shift: DVec3::ZERO, .. } if moves_cursor => Vec::new(),
             Self::Motion { shift, seconds, .. } if moves_cursor => {
                 let by = shift * CURSOR_MM_S * seconds;
                 vec![Intent::Cursor {

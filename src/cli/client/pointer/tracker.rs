@@ -1,40 +1,41 @@
-//! A tracker that speaks OpenIGTLink: its transforms are the poses of a hand, like those of a Wiimote.
+//! A tracker that sends OpenIGTLink: each transform is a pose of the hand, like that of a Wiimote.
 
 use std::io::Read;
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use relief_client::Handle;
 use relief_live::{PoseKind, RemotePose};
-use relief_tracking::{IGTL_HEADER_BYTES, IgtlError, IgtlHeader, TrackerGeometry, TrackingState, igtl_pose};
+use relief_tracking::{
+    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, ToolPlacement, TrackerGeometry, TrackingState, igtl_pose,
+};
 
-/// A tracker that sends nothing for so long has lost the tool.
+/// After this time without a transform the tool counts as lost.
 const SILENT: Duration = Duration::from_millis(500);
-/// How long a connection may take to be made, and the pause before it is made again.
+/// Longest time for connecting, and the pause before the next attempt.
 const CONNECT: Duration = Duration::from_secs(5);
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
-/// Largest message of another kind that is skipped, bytes: trackers send pictures on the same connection.
+/// Largest message of another type that is skipped, bytes: some trackers send pictures, too.
 const MOST_SKIPPED: u64 = 256 << 20;
 /// Largest file of a geometry, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// The geometry of a file, or the usual one.
-pub(super) fn geometry(path: Option<&Path>) -> anyhow::Result<TrackerGeometry> {
-    let Some(path) = path else { return Ok(TrackerGeometry::default()) };
+/// The placement that a file describes, or the default one.
+pub(super) fn placement(path: Option<&Path>) -> anyhow::Result<ToolPlacement> {
+    let Some(path) = path else { return Ok(TrackerGeometry::default().placement()?) };
     let about = || format!("cannot read {}", path.display());
     let bytes = relief_base::read_at_most(path, MOST_BYTES).with_context(about)?;
     let bytes = bytes.with_context(|| format!("{} is larger than 1 MiB", path.display()))?;
     let geometry: TrackerGeometry = serde_json::from_slice(&bytes).with_context(about)?;
-    geometry.validate().with_context(about)?;
-    Ok(geometry)
+    geometry.placement().with_context(about)
 }
 
 pub(super) fn start(
     address: &str,
     device: Option<String>,
-    geometry: TrackerGeometry,
+    placement: ToolPlacement,
     handle: &Handle,
 ) -> anyhow::Result<()> {
     let mut tracker =
@@ -47,7 +48,7 @@ pub(super) fn start(
                 tracker = connect(&address).ok();
                 continue;
             };
-            if let Err(error) = relay(stream, device.as_deref(), &geometry, &handle) {
+            if let Err(error) = relay(stream, device.as_deref(), &placement, &handle) {
                 eprintln!("the tracker at {address}: {error}; connecting again");
             }
             lose(&handle);
@@ -77,12 +78,17 @@ fn lose(handle: &Handle) {
 fn relay(
     mut stream: TcpStream,
     device: Option<&str>,
-    geometry: &TrackerGeometry,
+    placement: &ToolPlacement,
     handle: &Handle,
 ) -> std::io::Result<()> {
     let mut head = [0; IGTL_HEADER_BYTES];
-    let mut is_told = false;
+    let (mut is_reported, mut seen) = (false, None::<Instant>);
     while fill(&mut stream, &mut head, handle)? {
+        // Other tools and pictures may go on while this tool is out of sight.
+        if seen.is_some_and(|seen| seen.elapsed() > SILENT) {
+            lose(handle);
+            seen = None;
+        }
         let header = match IgtlHeader::decode(&head) {
             Ok(header) => header,
             Err(IgtlError::Body(bytes)) if bytes <= MOST_SKIPPED => {
@@ -100,16 +106,17 @@ fn relay(
         }
         match igtl_pose(&header, &body) {
             Ok(Some(pose)) => {
-                let pointer = geometry.place(&pose).map_err(std::io::Error::other)?;
+                let pointer = placement.place(&pose);
                 let kind = PoseKind::Remote(RemotePose {
                     state: TrackingState::Tracking,
                     pose: Some((pointer.position.into(), pointer.orientation_xyzw())),
                     buttons: Vec::new(),
                 });
                 handle.pose(handle.now_ns(), kind);
+                seen = Some(Instant::now());
             }
             Ok(None) => {}
-            Err(error) if !std::mem::replace(&mut is_told, true) => {
+            Err(error) if !std::mem::replace(&mut is_reported, true) => {
                 eprintln!("{error}; it is left out, as all like it");
             }
             Err(_) => {}
@@ -118,7 +125,7 @@ fn relay(
     Ok(())
 }
 
-/// Fills a buffer; `false` when the session is over. A tracker that says nothing has lost the tool.
+/// Fills a buffer; `false` when the session is over. A pause of the tracker means a lost tool.
 fn fill(stream: &mut TcpStream, buffer: &mut [u8], handle: &Handle) -> std::io::Result<bool> {
     let mut filled = 0;
     while filled < buffer.len() {

@@ -1,9 +1,9 @@
-// A SpaceMouse over WebHID: its cap turns, shifts and zooms the view; while its first button is held it
-// moves the cursor. The second button places.
+// A SpaceMouse over WebHID: the cap turns, shifts and zooms the view. While the first button is held, the
+// cap moves the cursor. The second button places a landmark.
 //
-// Axes of its reports: x right, y towards the user, z down, the rotations about them, each up to 350. Report
-// 1 has the shift, or all six numbers; report 2 the rotation; report 3 the buttons, a bit each. The view's
-// axes are x right, y up, z towards the viewer. Speeds are those of `relief client --pointer spacemouse`.
+// Reports have the axes x right, y towards the user, z down, and the rotations about them, each up to
+// 350. Report 1 has the shift, or all six numbers; report 2 the rotation; report 3 one bit for each button. The
+// view has the axes x right, y up, z towards the viewer. Speeds are those of `relief client --pointer spacemouse`.
 
 const FILTERS = [{ vendorId: 0x256f }, { vendorId: 0x046d, usagePage: 1, usage: 8 }];
 const FULL = 350;
@@ -11,7 +11,7 @@ const TURN_DEG_S = 120;
 const PAN_S = 0.8;
 const ZOOM_S = 1.2;
 const CURSOR_MM_S = 60;
-/** Longest time that one report may stand for, s. */
+/** Longest time that one report counts for, s. */
 const LONGEST_S = 0.05;
 
 const clamped = (value) => Math.min(1, Math.max(-1, value / FULL));
@@ -28,7 +28,8 @@ export class SpaceMouse {
     Object.assign(this, { send, changed });
     navigator.hid?.addEventListener("disconnect", ({ device }) => {
       if (device !== this.#device) return;
-      this.#device = null;
+      device.removeEventListener("inputreport", this.#take);
+      [this.#device, this.#buttons] = [null, 0];
       this.changed("The SpaceMouse is gone.");
     });
     navigator.hid?.addEventListener("connect", () => this.#device || this.reopen());
@@ -54,17 +55,17 @@ export class SpaceMouse {
       return this.changed(`The SpaceMouse cannot be opened: ${error.message}`);
     }
     this.#device = device;
-    device.addEventListener("inputreport", ({ reportId, data }) => this.#take(reportId, data));
+    device.addEventListener("inputreport", this.#take);
     this.changed("");
   }
 
-  #take(id, data) {
+  #take = ({ reportId: id, data }) => {
     const numbers = Array.from({ length: Math.floor(data.byteLength / 2) }, (_, at) => clamped(data.getInt16(2 * at, true)));
     if (id === 1 && numbers.length >= 3) this.#shift(inViewAxes(numbers.slice(0, 3)));
     if (id === 1 && numbers.length >= 6) this.#turn(inViewAxes(numbers.slice(3, 6)));
     if (id === 2 && numbers.length >= 3) this.#turn(inViewAxes(numbers.slice(0, 3)));
     if (id === 3 && data.byteLength) this.#press(data.getUint8(0));
-  }
+  };
 
   #shift([right, up, near]) {
     const now = performance.now();
