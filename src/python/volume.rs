@@ -1,17 +1,17 @@
 //! Volumes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::error::raised;
+use crate::error::{ReliefError, raised};
 use crate::frame::Frame;
 use crate::renderers;
-use relief_archive::{ArchiveAccess, ArchiveError, Credentials};
+use relief_archive::{ArchiveAccess, Credentials};
 use relief_base::Transform;
-use relief_batch::{Copies, CopiesOptions};
+use relief_batch::{Copies, CopiesOptions, Local, Location};
 use relief_dicom::{Strictness, discover, is_volume_file, load, read_volume};
 use relief_render::{SceneFile, Subject};
 use relief_volume::{Grid, Orbit, PhantomKind, PhantomRecipe, UnknownPhantom};
@@ -26,15 +26,25 @@ pub(crate) struct Volume {
 /// Bytes that copies of series of archives and buckets may have together.
 const COPIES_BYTES: u64 = 16 << 30;
 
-/// Files for series of archives and buckets: the folder of copies, login, token, authorities, identity.
+/// Paths: the folder of copies, then login, token, authorities and identity for an archive.
 type RemoteFiles = [Option<PathBuf>; 5];
 
-/// Copies of series of archives and buckets.
-fn copies([folder, login, token, authorities, identity]: RemoteFiles) -> Result<Copies, ArchiveError> {
-    let login = login.as_deref().map(Credentials::login_of).transpose()?;
-    let token = token.as_deref().map(Credentials::token_of).transpose()?;
+/// A copy of a series of an archive or a bucket, with its folder, which goes with the value if it is a
+/// temporary one.
+fn copy(
+    path: &Path,
+    [folder, login, token, authorities, identity]: RemoteFiles,
+) -> PyResult<(Copies, Local)> {
+    if login.is_some() && token.is_some() {
+        return Err(ReliefError::new_err("archive_login_file and archive_token_file exclude each other"));
+    }
+    let login = login.as_deref().map(Credentials::login_of).transpose().map_err(|error| raised(&error))?;
+    let token = token.as_deref().map(Credentials::token_of).transpose().map_err(|error| raised(&error))?;
     let archives = ArchiveAccess { credentials: login.or(token), authorities, identity };
-    Ok(Copies::new(CopiesOptions { folder, bytes: COPIES_BYTES, archives, ..CopiesOptions::default() }))
+    let options = CopiesOptions { folder, bytes: COPIES_BYTES, archives, ..CopiesOptions::default() };
+    let copies = Copies::new(options);
+    let local = copies.local(path).map_err(|error| raised(&error))?;
+    Ok((copies, local))
 }
 
 /// Loads a series or a volume file, of this machine, an archive or a bucket.
@@ -48,10 +58,9 @@ pub(crate) fn open_volume(
     remote: RemoteFiles,
 ) -> PyResult<Volume> {
     py.detach(move || {
-        let copies = copies(remote).map_err(|error| raised(&error))?;
         // A copy stays until the series is read.
-        let local = copies.local(&path).map_err(|error| raised(&error))?;
-        let path = local.path();
+        let copy = Location::is_remote(&path).then(|| copy(&path, remote)).transpose()?;
+        let path = copy.as_ref().map_or(&*path, |(_, local)| local.path());
         if is_volume_file(path) {
             let found = read_volume(path).map_err(|error| raised(&error))?;
             return Ok(Volume { volume: found.volume, warnings: found.warnings });

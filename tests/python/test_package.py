@@ -85,6 +85,9 @@ class Archives(Series):
         self.assertTrue(list((self.path / "copies").rglob("*.dcm")))
         with self.assertRaisesRegex(relief.ReliefError, "refuses access"):
             relief.open(address)
+        with self.assertRaisesRegex(relief.ReliefError, "exclude each other"):
+            relief.open(address, archive_login_file=login, archive_token_file=login)
+        self.assertEqual(relief.open(self.series, archive_login_file="nowhere").id, self.volume.id)
 
 
 class Volumes(Series):
