@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, i32x8, mask32x8};
 
 #[cfg(target_arch = "x86_64")]
-use crate::gather;
+use crate::gather::Reach;
 use crate::{Lanes, Mask, Real, Triple};
 
 /// The width of eight lanes of 32 bits, by the vector instructions of `S`.
@@ -190,33 +190,40 @@ impl<S: Simd> EightLanes<S> {
         i32x8::load_array(self.0, numbers)
     }
 
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn colors(self, colors: &[[f32; 4]], at: i32x8<S>) -> Triple<Eight<S>> {
-        let (channels, at) = (colors.as_flattened(), at * 4);
-        Triple([self.reals(channels, at), self.reals(channels, at + 1), self.reals(channels, at + 2)])
+    fn ints(self, numbers: std::arch::x86_64::__m256i) -> i32x8<S> {
+        numbers.simd_into(self.0)
     }
 
+    /// The numbers at these places and those behind them, four from each.
     #[inline(always)]
-    fn four_bytes(self, bytes: &[u8], at: i32x8<S>) -> i32x8<S> {
+    fn quads<const N: usize>(self, table: &[[f32; 4]], at: i32x8<S>) -> [[Eight<S>; 4]; N] {
+        let numbers = table.as_flattened();
+        let at = at * 4;
+        let mut quads = [[Eight(f32x8::splat(self.0, 0.0)); 4]; N];
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.0.level().as_avx2() {
-            return gather::bytes(avx2, bytes, at.into()).simd_into(self.0);
+            let reach = Reach::new(avx2, numbers, at.to_array(), 0, 4 * N as i32 - 1);
+            for (i, quad) in quads.iter_mut().enumerate() {
+                let [a, b, c, d] = reach.quads_at(avx2, 4 * i as i32);
+                *quad = [
+                    Eight(a.simd_into(self.0)),
+                    Eight(b.simd_into(self.0)),
+                    Eight(c.simd_into(self.0)),
+                    Eight(d.simd_into(self.0)),
+                ];
+            }
+            return quads;
         }
-        self.of_each(each!(at, |at| i32::from_le_bytes([
-            bytes[at],
-            bytes[at + 1],
-            bytes[at + 2],
-            bytes[at + 3]
-        ])))
+        for (i, number) in quads.as_flattened_mut().iter_mut().enumerate() {
+            *number = self.reals(numbers, at + i as i32);
+        }
+        quads
     }
 
     #[inline(always)]
     fn reals(self, numbers: &[f32], at: i32x8<S>) -> Eight<S> {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = self.0.level().as_avx2() {
-            let bits: i32x8<S> = gather::reals(avx2, numbers, at.into()).simd_into(self.0);
-            return Eight(bits.bitcast());
-        }
         Eight(f32x8::load_array(self.0, each!(at, |at| numbers[at])))
     }
 
@@ -226,6 +233,16 @@ impl<S: Simd> EightLanes<S> {
         let (low, high) = ((pairs << 16) >> 16, pairs >> 16);
         [Eight(f32x8::float_from(low)), Eight(f32x8::float_from(high))]
     }
+}
+
+/// The lowest and the highest distance.
+#[inline(always)]
+fn ends<const N: usize>(distances: [i32; N]) -> (i32, i32) {
+    let (mut lowest, mut highest) = (i32::MAX, i32::MIN);
+    for distance in distances {
+        (lowest, highest) = (lowest.min(distance), highest.max(distance));
+    }
+    (lowest, highest)
 }
 
 /// Two numbers of 16 bits as one of 32, the first in the low half.
@@ -282,7 +299,12 @@ impl<S: Simd> Lanes for EightLanes<S> {
     }
     #[inline(always)]
     fn bytes(self, bytes: &[u8], at: i32x8<S>) -> Eight<S> {
-        Eight(f32x8::float_from(self.four_bytes(bytes, at) & 0xff))
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.0.level().as_avx2() {
+            let numbers = Reach::new(avx2, bytes, at.to_array(), 0, 0).bytes();
+            return Eight(f32x8::float_from(self.of_each(numbers)));
+        }
+        Eight(f32x8::float_from(self.of_each(each!(at, |at| i32::from(bytes[at])))))
     }
     #[inline(always)]
     fn numbers<T: Copy + Into<f32>>(self, numbers: &[T], at: i32x8<S>) -> Eight<S> {
@@ -298,14 +320,10 @@ impl<S: Simd> Lanes for EightLanes<S> {
         let mut pairs = [[Eight(f32x8::splat(self.0, 0.0)); 2]; N];
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.0.level().as_avx2() {
-            let (mut lowest, mut highest) = (i32::MAX, i32::MIN);
-            for distance in distances {
-                (lowest, highest) = (lowest.min(distance), highest.max(distance));
-            }
-            let reach = gather::reach(avx2, numbers, at.into(), lowest, highest);
+            let (lowest, highest) = ends(distances);
+            let reach = Reach::new(avx2, numbers, at.to_array(), lowest, highest.saturating_add(1));
             for i in 0..N {
-                let both = gather::pairs(avx2, reach, distances[i]).simd_into(self.0);
-                pairs[i] = self.unpacked(both);
+                pairs[i] = self.unpacked(self.of_each(reach.pairs(distances[i])));
             }
             return pairs;
         }
@@ -315,22 +333,53 @@ impl<S: Simd> Lanes for EightLanes<S> {
         pairs
     }
     #[inline(always)]
+    fn short_quads<const N: usize>(
+        self,
+        numbers: &[i16],
+        at: i32x8<S>,
+        distances: [i32; N],
+    ) -> [[Eight<S>; 4]; N] {
+        let mut quads = [[Eight(f32x8::splat(self.0, 0.0)); 4]; N];
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.0.level().as_avx2() {
+            let (lowest, highest) = ends(distances);
+            let reach = Reach::new(avx2, numbers, at.to_array(), lowest, highest.saturating_add(3));
+            for (quad, distance) in quads.iter_mut().zip(distances) {
+                let [a, b, c, d] = reach.quads(avx2, distance);
+                *quad = [
+                    Eight(f32x8::float_from(self.ints(a))),
+                    Eight(f32x8::float_from(self.ints(b))),
+                    Eight(f32x8::float_from(self.ints(c))),
+                    Eight(f32x8::float_from(self.ints(d))),
+                ];
+            }
+            return quads;
+        }
+        for i in 0..N {
+            let at = at + distances[i];
+            let [first, second] = self.unpacked(self.of_each(each!(at, |at| pair(numbers, at))));
+            let [third, fourth] = self.unpacked(self.of_each(each!(at + 2, |at| pair(numbers, at))));
+            quads[i] = [first, second, third, fourth];
+        }
+        quads
+    }
+    #[inline(always)]
     fn real_pairs(self, numbers: &[f32], at: i32x8<S>) -> [Eight<S>; 2] {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.0.level().as_avx2() {
+            let [low, high] = Reach::new(avx2, numbers, at.to_array(), 0, 1).pairs_from(avx2);
+            return [Eight(low.simd_into(self.0)), Eight(high.simd_into(self.0))];
+        }
         [self.reals(numbers, at), self.reals(numbers, at + 1)]
     }
     #[inline(always)]
-    fn color_pairs(self, colors: &[[f32; 4]], at: i32x8<S>) -> [Triple<Eight<S>>; 2] {
-        [self.colors(colors, at), self.colors(colors, at + 1)]
+    fn entry_pairs(self, table: &[[f32; 4]], at: i32x8<S>) -> [[Eight<S>; 4]; 2] {
+        self.quads(table, at)
     }
     #[inline(always)]
     fn entries(self, table: &[[f32; 4]], at: i32x8<S>) -> [Eight<S>; 4] {
-        let (numbers, at) = (table.as_flattened(), at * 4);
-        [
-            self.reals(numbers, at),
-            self.reals(numbers, at + 1),
-            self.reals(numbers, at + 2),
-            self.reals(numbers, at + 3),
-        ]
+        let [entries] = self.quads(table, at);
+        entries
     }
     #[inline(always)]
     fn gathered(self, numbers: Eight<S>, chosen: EightMask<S>) -> Eight<S> {

@@ -4,8 +4,8 @@
 //! Every operation is a plain one of IEEE 754, in the order in which it is written: no fused
 //! multiply-add, no estimates. The eight lanes therefore give the same bits on every processor,
 //! whatever its vector instructions; [`dispatch`] takes the widest. This crate knows no volumes and
-//! no pictures. Its one `unsafe` is in `gather`, where a processor loads eight lanes by one
-//! instruction.
+//! no pictures. Its one `unsafe` is in `gather`, which reads eight places of a slice after
+//! one check of all.
 //!
 //! Everything is inlined: code between [`dispatch`] and an operation has to be marked
 //! `#[inline(always)]`, or it is compiled without the processor's vector instructions.
@@ -58,7 +58,7 @@ pub trait Lanes: Copy {
     /// Places from whole numbers below 2^24.
     fn place(self, at: Self::Real) -> Self::Index;
 
-    /// The numbers at these places; three more bytes have to lie behind each.
+    /// The numbers at these places.
     ///
     /// # Panics
     /// When a place is outside; the other reads likewise.
@@ -72,10 +72,17 @@ pub trait Lanes: Copy {
         at: Self::Index,
         distances: [i32; N],
     ) -> [[Self::Real; 2]; N];
+    /// The numbers at distances from these places, and the three behind each.
+    fn short_quads<const N: usize>(
+        self,
+        numbers: &[i16],
+        at: Self::Index,
+        distances: [i32; N],
+    ) -> [[Self::Real; 4]; N];
     /// The numbers at these places, and those behind them.
     fn real_pairs(self, numbers: &[f32], at: Self::Index) -> [Self::Real; 2];
-    /// The first three numbers of the entries at these places, and of the entries behind them.
-    fn color_pairs(self, colors: &[[f32; 4]], at: Self::Index) -> [Triple<Self::Real>; 2];
+    /// The entries at these places, and those behind them.
+    fn entry_pairs(self, table: &[[f32; 4]], at: Self::Index) -> [[Self::Real; 4]; 2];
     /// The entries at these places.
     fn entries(self, table: &[[f32; 4]], at: Self::Index) -> [Self::Real; 4];
 

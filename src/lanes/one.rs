@@ -155,12 +155,19 @@ impl Lanes for OneLane {
         })
     }
     #[inline(always)]
+    fn short_quads<const N: usize>(self, numbers: &[i16], at: usize, distances: [i32; N]) -> [[One; 4]; N] {
+        distances.map(|distance| {
+            let first = at.wrapping_add_signed(distance as isize);
+            [0, 1, 2, 3].map(|beside| One(numbers[first + beside].into()))
+        })
+    }
+    #[inline(always)]
     fn real_pairs(self, numbers: &[f32], at: usize) -> [One; 2] {
         [0, 1].map(|beside| One(numbers[at + beside].into()))
     }
     #[inline(always)]
-    fn color_pairs(self, colors: &[[f32; 4]], at: usize) -> [Triple<One>; 2] {
-        [0, 1].map(|beside| Triple([0, 1, 2].map(|channel: usize| One(colors[at + beside][channel].into()))))
+    fn entry_pairs(self, table: &[[f32; 4]], at: usize) -> [[One; 4]; 2] {
+        [self.entries(table, at), self.entries(table, at + 1)]
     }
     #[inline(always)]
     fn entries(self, table: &[[f32; 4]], at: usize) -> [One; 4] {

@@ -1,4 +1,4 @@
-//! Both widths against plain arithmetic, on every level; and what gathers refuse.
+//! Both widths against plain arithmetic, on every level; and which places are refused.
 
 use super::*;
 
@@ -143,4 +143,108 @@ fn places_outside_are_refused() {
     let empty = Pairs { numbers: &[], at: 0.0, distances: [0, 0] };
     let read = || dispatch(Level::widest(), empty);
     assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).is_err());
+}
+
+/// Reads of one kind at places in a row.
+struct Reads {
+    kind: Kind,
+    at: f64,
+    length: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Bytes,
+    ShortQuads,
+    RealPairs,
+    Entries,
+    EntryPairs,
+}
+
+impl Kind {
+    const ALL: [Self; 5] = [Self::Bytes, Self::ShortQuads, Self::RealPairs, Self::Entries, Self::EntryPairs];
+
+    /// The numbers from a place that are read, and of how many components.
+    fn numbers(self) -> (std::ops::Range<i32>, usize) {
+        match self {
+            Self::Bytes => (0..1, 1),
+            Self::ShortQuads => (-3..5, 1),
+            Self::RealPairs => (0..2, 1),
+            Self::Entries => (0..1, 4),
+            Self::EntryPairs => (0..2, 4),
+        }
+    }
+}
+
+/// The number at a place: all are different.
+fn number_at(place: usize) -> u8 {
+    (place * 37 + 11) as u8
+}
+
+impl Kernel for Reads {
+    type Output = Vec<f64>;
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
+        let at = lanes.place(lanes.by_lane(|lane| self.at + lane as f64));
+        let places = 0..self.length;
+        let reals: Vec<f32> = places.clone().map(|place| number_at(place).into()).collect();
+        let entry = |place: usize| [0, 1, 2, 3].map(|channel| f32::from(number_at(4 * place + channel)));
+        let read: Vec<L::Real> = match self.kind {
+            Kind::Bytes => vec![lanes.bytes(&places.map(number_at).collect::<Vec<u8>>(), at)],
+            Kind::ShortQuads => {
+                let numbers: Vec<i16> = places.map(|place| -i16::from(number_at(place))).collect();
+                lanes.short_quads(&numbers, at, [-3, 1]).concat()
+            }
+            Kind::RealPairs => lanes.real_pairs(&reals, at).to_vec(),
+            Kind::Entries => lanes.entries(&places.map(entry).collect::<Vec<_>>(), at).to_vec(),
+            Kind::EntryPairs => lanes.entry_pairs(&places.map(entry).collect::<Vec<_>>(), at).concat(),
+        };
+        let mut all = Vec::new();
+        for numbers in read {
+            let mut stored = [lanes.scalar(0.0); 8];
+            numbers.store(&mut stored);
+            all.extend(stored.into_iter().take(L::COUNT).map(Into::into));
+        }
+        all
+    }
+}
+
+#[test]
+fn every_read_has_the_numbers_of_its_places() {
+    for kind in Kind::ALL {
+        let (numbers, components) = kind.numbers();
+        let sign = if matches!(kind, Kind::ShortQuads) { -1.0 } else { 1.0 };
+        let expected = |lanes: usize| -> Vec<f64> {
+            let columns = numbers.clone().flat_map(|number| (0..components).map(move |part| (number, part)));
+            let place = |lane: usize, number: i32| (9 + lane).strict_add_signed(number as isize);
+            let of_lanes = |(number, part)| {
+                (0..lanes).map(move |lane| number_at(components * place(lane, number) + part))
+            };
+            columns.flat_map(of_lanes).map(|number| sign * f64::from(number)).collect()
+        };
+        let reads = || Reads { kind, at: 9.0, length: 40 };
+        assert_eq!(reads().run(OneLane), expected(1), "{kind:?}, one lane");
+        for level in levels() {
+            assert_eq!(dispatch(level, reads()), expected(8), "{kind:?}, {}", level.name());
+        }
+    }
+}
+
+/// Invariant: No lane reads memory outside the slice that it was given, whatever it reads.
+#[test]
+fn every_read_outside_is_refused() {
+    let of_kind = |kind: Kind| levels().into_iter().map(move |level| (kind, level));
+    for (kind, level) in Kind::ALL.into_iter().flat_map(of_kind) {
+        let (numbers, _) = kind.numbers();
+        let is_refused = |at: f64| {
+            let read = || dispatch(level, Reads { kind, at, length: 40 });
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).is_err()
+        };
+        let (first, last) = (f64::from(-numbers.start), f64::from(40 - 7 - numbers.end));
+        let name = level.name();
+        assert!(!is_refused(first) && !is_refused(last), "{kind:?}, {name}: the ends are inside");
+        assert!(is_refused(first - 1.0) || first == 0.0, "{kind:?}, {name}: before the first");
+        assert!(is_refused(last + 1.0), "{kind:?}, {name}: behind the last");
+        assert!(is_refused(1e9) && is_refused(-1e9), "{kind:?}, {name}: far off");
+    }
 }

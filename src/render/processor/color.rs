@@ -58,8 +58,8 @@ impl<'a, L: Lanes> Colors<'a, L> {
     #[inline(always)]
     pub(super) fn rgb(&self, hu: L::Real) -> Triple<L::Real> {
         let (at, share) = self.entry(hu);
-        let [low, high] = self.lanes.color_pairs(self.entries, at);
-        low.lerp(high, share)
+        let [[r, g, b, _], [r_behind, g_behind, b_behind, _]] = self.lanes.entry_pairs(self.entries, at);
+        Triple([r.lerp(r_behind, share), g.lerp(g_behind, share), b.lerp(b_behind, share)])
     }
 }
 

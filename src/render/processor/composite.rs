@@ -12,7 +12,7 @@ use super::passage::rgb;
 use super::pending::Pending;
 use super::ray::Rays;
 use super::scene::{Hit, OPAQUE, Scene, VISIBLE};
-use super::walk::{Bricks, Walk};
+use super::walk::Walk;
 
 /// The number of a sample before all samples.
 const NO_SAMPLE: f64 = -2.0;
@@ -165,9 +165,7 @@ impl<L: Lanes> Scene<'_, L> {
                 break;
             }
             // Until no ray is in an empty brick, so that samples are taken for all.
-            loop {
-                let next = self.bricks.next_sample(walk, k);
-                let Some(skips) = Bricks::<L>::skipping(k, next, alive) else { break };
+            while let Some((next, skips)) = self.bricks.past_empty(walk, k, alive) {
                 k = next.or_where_not(skips, k);
                 alive = alive & k.lt(count);
             }

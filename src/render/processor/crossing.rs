@@ -8,7 +8,7 @@ use relief_lanes::{Lanes, Mask as _, Real as _};
 use super::composite::Gathered;
 use super::ray::Rays;
 use super::scene::{OPAQUE, Scene};
-use super::walk::{Bricks, Walk};
+use super::walk::Walk;
 
 /// Parts into which each level divides the neighbourhood of a crossing.
 const PARTS: usize = 4;
@@ -87,9 +87,7 @@ impl<L: Lanes> Scene<'_, L> {
             if !searching.any() {
                 break;
             }
-            let next_k = self.bricks.next_sample(walk, k);
-            let skips = Bricks::<L>::skipping(k, next_k, searching);
-            let skips = skips.unwrap_or(searching & !searching);
+            let (next_k, skips) = self.bricks.past_empty(walk, k, searching).unwrap_or((k, self.none()));
             let taken = searching & !skips;
             let opacity = self.sample_opacity(rays, k);
             let next = accumulated + (one - accumulated) * opacity;

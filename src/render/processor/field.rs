@@ -97,36 +97,41 @@ impl<'a, L: Lanes> Field<'a, L> {
     #[inline(always)]
     fn differences(&self, &Cell { share, at, .. }: &Cell<L>) -> Triple<L::Real> {
         let [row, layer] = self.strides;
-        let [a, b, c, d, e, f, g, h] = self.lanes.short_pairs(
-            self.voxels_hu,
-            at,
-            [-1, 1, row - 1, row + 1, layer - 1, layer + 1, layer + row - 1, layer + row + 1],
-        );
-        let [p, q, r, s, t, u, v, w] = self.lanes.short_pairs(
-            self.voxels_hu,
-            at,
-            [-row, 2 * row, layer - row, layer + 2 * row, -layer, row - layer, 2 * layer, 2 * layer + row],
-        );
-        let inner = [[quad(a, b), quad(c, d)], [quad(e, f), quad(g, h)]];
+        let rows = [-1, row - 1, layer - 1, layer + row - 1];
+        let [near_low, near_high, far_low, far_high] = self.lanes.short_quads(self.voxels_hu, at, rows);
+        let rows = [-row, 2 * row, layer - row, layer + 2 * row];
+        let beside_y = self.lanes.short_quads(self.voxels_hu, at, rows).map(first_pair);
+        let rows = [-layer, row - layer, 2 * layer, 2 * layer + row];
+        let beside_z = self.lanes.short_quads(self.voxels_hu, at, rows).map(first_pair);
+        let inner = [[near_low, near_high], [far_low, far_high]];
+        let [[p, q, r, s], [t, u, v, w]] = [beside_y, beside_z];
         blended(share, inner, [[p, q], [r, s]], [[t, u], [v, w]])
     }
 
     /// The same in any cell: neighbours that are missing are the outermost voxels themselves.
     #[inline(always)]
     fn differences_at_edge(&self, cell: &Cell<L>) -> Triple<L::Real> {
-        let quad = |y: i32, z: i32| {
-            [
-                self.voxel(cell, [-1, y, z]),
-                self.voxel(cell, [0, y, z]),
-                self.voxel(cell, [1, y, z]),
-                self.voxel(cell, [2, y, z]),
-            ]
-        };
-        let pair = |y: i32, z: i32| [self.voxel(cell, [0, y, z]), self.voxel(cell, [1, y, z])];
-        let inner = [[quad(0, 0), quad(1, 0)], [quad(0, 1), quad(1, 1)]];
-        let y_outer = [[pair(-1, 0), pair(2, 0)], [pair(-1, 1), pair(2, 1)]];
-        let z_outer = [[pair(0, -1), pair(1, -1)], [pair(0, 2), pair(1, 2)]];
-        blended(cell.share, inner, y_outer, z_outer)
+        let [near_low, near_high] = [self.four(cell, [0, 0]), self.four(cell, [1, 0])];
+        let [far_low, far_high] = [self.four(cell, [0, 1]), self.four(cell, [1, 1])];
+        let inner = [[near_low, near_high], [far_low, far_high]];
+        let [p, q] = [self.two(cell, [-1, 0]), self.two(cell, [2, 0])];
+        let [r, s] = [self.two(cell, [-1, 1]), self.two(cell, [2, 1])];
+        let [t, u] = [self.two(cell, [0, -1]), self.two(cell, [1, -1])];
+        let [v, w] = [self.two(cell, [0, 2]), self.two(cell, [1, 2])];
+        blended(cell.share, inner, [[p, q], [r, s]], [[t, u], [v, w]])
+    }
+
+    /// The row of a cell at a number of steps along y and z, with a voxel more at both ends.
+    #[inline(always)]
+    fn four(&self, cell: &Cell<L>, [y, z]: [i32; 2]) -> [L::Real; 4] {
+        let [low, high] = self.two(cell, [y, z]);
+        [self.voxel(cell, [-1, y, z]), low, high, self.voxel(cell, [2, y, z])]
+    }
+
+    /// The row of a cell at a number of steps along y and z.
+    #[inline(always)]
+    fn two(&self, cell: &Cell<L>, [y, z]: [i32; 2]) -> [L::Real; 2] {
+        [self.voxel(cell, [0, y, z]), self.voxel(cell, [1, y, z])]
     }
 
     /// The voxel at a number of steps from the base of a cell along each axis, or the outermost one on
@@ -141,8 +146,8 @@ impl<'a, L: Lanes> Field<'a, L> {
 }
 
 #[inline(always)]
-fn quad<R: Copy>([before, low]: [R; 2], [high, after]: [R; 2]) -> [R; 4] {
-    [before, low, high, after]
+fn first_pair<R: Copy>([low, high, ..]: [R; 4]) -> [R; 2] {
+    [low, high]
 }
 
 #[inline(always)]

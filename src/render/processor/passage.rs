@@ -139,8 +139,8 @@ impl<'a, L: Lanes> Integrals<'a, L> {
         let one = self.lanes.splat(1.0);
         let i = inside.floor().min(self.last - one);
         let share = inside - i;
-        let [r, g, b, a] = self.lanes.entries(table, self.lanes.place(i));
-        let [r_behind, g_behind, b_behind, a_behind] = self.lanes.entries(table, self.lanes.place(i + one));
+        let [[r, g, b, a], [r_behind, g_behind, b_behind, a_behind]] =
+            self.lanes.entry_pairs(table, self.lanes.place(i));
         [r.lerp(r_behind, share), g.lerp(g_behind, share), b.lerp(b_behind, share), a.lerp(a_behind, share)]
     }
 

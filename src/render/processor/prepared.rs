@@ -105,10 +105,8 @@ impl Cache {
         let segments = request.labels.as_ref().map(|labels| self.segments(hash, &labels.map, plan));
         let (_, bricks) = self.volumes.last().expect("made or found");
         let tables = Tables::new(request);
-        let mut map = bricks.distance_map(segments.as_deref(), request, &tables, f32::from);
+        let map = bricks.distance_map(segments.as_deref(), request, &tables, f32::from);
         let bricks = VisibleBricks::new(&map, request);
-        // Rays read four bytes at a time.
-        map.distances.extend([0; 3]);
         let looks = Looks::new(request, volume, map.edge);
         make_room(&mut self.appearances, KEPT);
         let key = AppearanceKey::new(hash, request);

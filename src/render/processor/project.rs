@@ -9,7 +9,7 @@ use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 use super::super::mode::Mode;
 use super::ray::Rays;
 use super::scene::{Hit, Scene, VISIBLE};
-use super::walk::{Bricks, Walk};
+use super::walk::Walk;
 
 /// Bending below this, in HU per squared sample distance, is rounding.
 pub(super) const FLAT_HU: f64 = 0.05;
@@ -44,8 +44,7 @@ impl<L: Lanes> Scene<'_, L> {
                 if !alive.any() {
                     return;
                 }
-                let next = self.bricks.next_sample(walk, k);
-                let Some(skips) = Bricks::<L>::skipping(k, next, alive) else { break };
+                let Some((next, skips)) = self.bricks.past_empty(walk, k, alive) else { break };
                 k = next.or_where_not(skips, k);
                 alive = chosen & k.lt(count);
             }

@@ -64,8 +64,8 @@ impl<'a, L: Lanes> Segments<'a, L> {
     /// Between an entry and the next.
     #[inline(always)]
     fn mixed(&self, at: L::Real, share: L::Real) -> [L::Real; 4] {
-        let [r, g, b, a] = self.look(at);
-        let [r_behind, g_behind, b_behind, a_behind] = self.look(at + self.lanes.splat(1.0));
+        let [[r, g, b, a], [r_behind, g_behind, b_behind, a_behind]] =
+            self.lanes.entry_pairs(self.entries, self.lanes.place(at));
         [r.lerp(r_behind, share), g.lerp(g_behind, share), b.lerp(b_behind, share), a.lerp(a_behind, share)]
     }
 

@@ -82,12 +82,42 @@ impl<'a, L: Lanes> Bricks<'a, L> {
         if !self.skips {
             return k;
         }
-        let number = |x: f64| self.lanes.splat(x);
+        let (brick, distance) = self.look(walk, k);
+        k.or_where_not(distance.lt(self.lanes.splat(0.5)), self.behind(walk, k, brick, distance))
+    }
+
+    /// The chosen lanes whose samples k are certain to be invisible, and the first samples behind
+    /// those in which that is not certain; `None` where there are no such lanes.
+    #[inline(always)]
+    pub(super) fn past_empty(
+        &self,
+        walk: &Walk<L>,
+        k: L::Real,
+        chosen: L::Mask,
+    ) -> Option<(L::Real, L::Mask)> {
+        if !self.skips {
+            return None;
+        }
+        let (brick, distance) = self.look(walk, k);
+        let is_empty = chosen & !distance.lt(self.lanes.splat(0.5));
+        is_empty.any().then(
+            #[inline(always)]
+            || (self.behind(walk, k, brick, distance), is_empty),
+        )
+    }
+
+    /// The bricks of samples k, and their distances to bricks that may show something.
+    #[inline(always)]
+    fn look(&self, walk: &Walk<L>, k: L::Real) -> (Triple<L::Real>, L::Real) {
         let brick = self.within(walk.brick.plus_times(walk.brick_step, k));
-        let distance = (self.distance_of(brick) - self.reach).max(number(0.0));
+        (brick, (self.distance_of(brick) - self.reach).max(self.lanes.splat(0.0)))
+    }
+
+    /// The first samples behind k that are as far as `distance` from its brick.
+    #[inline(always)]
+    fn behind(&self, walk: &Walk<L>, k: L::Real, brick: Triple<L::Real>, distance: L::Real) -> L::Real {
         let leave = brick.times(walk.per_brick).plus_times(walk.per_distance, distance).plus(walk.constant);
-        let next = leave.least().min(number(NEVER)).ceil().max(k + number(1.0));
-        k.or_where_not(distance.lt(number(0.5)), next)
+        leave.least().min(self.lanes.splat(NEVER)).ceil().max(k + self.lanes.splat(1.0))
     }
 
     /// Distances, in bricks, from voxel indices to bricks that may show something.
@@ -112,12 +142,5 @@ impl<'a, L: Lanes> Bricks<'a, L> {
     #[inline(always)]
     pub(super) fn are_longer_than_steps(&self, walk: &Walk<L>) -> L::Mask {
         walk.brick_step.abs().largest().lt(self.lanes.splat(0.99))
-    }
-
-    /// Whether any of the chosen lanes would skip samples.
-    #[inline(always)]
-    pub(super) fn skipping(k: L::Real, next: L::Real, chosen: L::Mask) -> Option<L::Mask> {
-        let skips = chosen & k.lt(next);
-        skips.any().then_some(skips)
     }
 }
