@@ -17,7 +17,8 @@ use crate::source::{self, SeriesOptions};
 use relief_base::read_at_most;
 use relief_batch::Location;
 use relief_dicom::{
-    CaptureOptions, CapturedPicture, SeriesReference, Strictness, parts_of, read_identity, write_capture,
+    CaptureOptions, CapturedPicture, ObjectError, ObjectIdentity, SeriesReference, Strictness, parts_of,
+    read_identity, write_capture,
 };
 
 /// Store DICOM objects and pictures in an archive
@@ -167,13 +168,7 @@ impl<'a> Store<'a> {
         let about = || format!("cannot send {}", object.files[0].display());
         let outcome = match self {
             Self::Web(archive) => {
-                let identity = read_identity(&object.bytes).with_context(about)?;
-                let outgoing = OutgoingObject {
-                    study: identity.study,
-                    series: identity.series,
-                    instance: identity.sop_instance,
-                    file: object.bytes.clone().into(),
-                };
+                let outgoing = outgoing(object.bytes).with_context(about)?;
                 archive.store(&outgoing).with_context(about)?
             }
             Self::Network { address, calling } => {
@@ -193,6 +188,12 @@ impl<'a> Store<'a> {
         };
         Ok(SentObject { files: object.files, outcome, reason })
     }
+}
+
+/// An object with the UIDs that it has.
+pub(crate) fn outgoing(object: Vec<u8>) -> Result<OutgoingObject, ObjectError> {
+    let ObjectIdentity { study, series, sop_instance, .. } = read_identity(&object)?;
+    Ok(OutgoingObject { study, series, instance: sop_instance, file: object.into() })
 }
 
 fn print(sent: &SentObject) {

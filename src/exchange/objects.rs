@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::reading::Reading;
 use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext, regions};
-use relief_annotation::{FrameOfReference, Item};
+use relief_annotation::{FrameOfReference, Item, Timestamp};
 use relief_dicom::{LoadLimits, SegmentMeaning, SegmentationOptions, SeriesReference};
 use relief_volume::LabelMap;
 
@@ -95,12 +95,9 @@ pub(super) fn write_report(
     context: &WriteContext<'_>,
     left_out: &mut Vec<LeftOut>,
 ) -> Result<(Vec<u8>, usize), ExchangeError> {
+    let options = relief_dicom::ReportWriteOptions { made: begun(items), ..Default::default() };
     let items: Vec<Item> = items.iter().copied().cloned().collect();
-    let written = relief_dicom::write_report(
-        &items,
-        series(Format::Sr, context)?,
-        &relief_dicom::ReportWriteOptions::default(),
-    );
+    let written = relief_dicom::write_report(&items, series(Format::Sr, context)?, &options);
     let written = written.map_err(|error| ExchangeError::Report(Box::new(error)))?;
     let count = items.len() - written.left_out.len();
     let mut reasons: BTreeMap<String, Vec<_>> = BTreeMap::new();
@@ -116,6 +113,12 @@ pub(super) fn write_report(
         items: Vec::new(),
     }));
     Ok((written.bytes, count))
+}
+
+/// When the first item was made: the date of an object's content is that of its beginning (PS3.3,
+/// C.17.2). Thus the same items make the same object whenever they are written.
+fn begun(items: &[&Item]) -> Timestamp {
+    items.iter().map(|item| item.created).min().unwrap_or_else(Timestamp::now)
 }
 
 /// A segmentation of regions in layers.
@@ -134,7 +137,7 @@ pub(super) fn write_segmentation(
         item: Some(item.id),
     };
     let meanings = (1..).zip(items).map(meaning).collect();
-    let options = SegmentationOptions { meanings, ..SegmentationOptions::by(author) };
+    let options = SegmentationOptions { meanings, made: begun(items), ..SegmentationOptions::by(author) };
     let bytes = relief_dicom::write_segmentation_layers(maps, series(Format::Seg, context)?, &options);
     bytes.map_err(|error| ExchangeError::Segmentation(Box::new(error)))
 }

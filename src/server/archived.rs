@@ -21,11 +21,13 @@ const MOST_KEYS: usize = 10_000;
 const MOST_WAITING: usize = 32;
 /// Searches at a time.
 const SEARCHES: usize = 4;
+/// Results that are being stored at a time.
+const STORES: usize = 4;
 
 /// Why an archive was not searched, or a series of it not loaded.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Searches archives and retrieves their series. All methods block. Clients see the messages of
+/// Searches archives, retrieves their series, and stores results in them. All methods block. Clients see the messages of
 /// errors, so no message may have UIDs, patients or paths.
 pub trait SeriesArchives: Send + Sync {
     /// The names of the archives, in the order of the operator.
@@ -47,6 +49,29 @@ pub trait SeriesArchives: Send + Sync {
         series: &ArchivedSeries,
         steps: &LoadSteps<'_>,
     ) -> Result<(LoadedVolume, VolumeReader), Failure>;
+
+    /// Whether clients may store results in the archives.
+    fn take_results(&self) -> bool;
+
+    /// Stores a DICOM object in an archive, unless the archive has it.
+    ///
+    /// # Errors
+    /// When the archive does not answer, or does not store objects.
+    fn store(&self, archive: usize, object: Vec<u8>) -> Result<StoredResult, Failure>;
+}
+
+/// What an archive did with an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoredResult {
+    /// It was stored.
+    Stored,
+    /// The archive had it.
+    AlreadyThere,
+    /// The archive did not store it.
+    Refused {
+        /// Failure Reason (0008,1197), PS3.18 table I.2-2; absent if it gives none.
+        reason: Option<u16>,
+    },
 }
 
 /// The callbacks of loading a series.
@@ -115,6 +140,7 @@ pub struct ArchivedSeries {
 pub(super) struct Archives {
     pub(super) source: Box<dyn SeriesArchives>,
     pub(super) searches: Arc<Semaphore>,
+    pub(super) stores: Arc<Semaphore>,
     /// One series is loaded at a time.
     turn: Arc<Semaphore>,
     /// Makes keys that tell nothing about UIDs.
@@ -151,8 +177,8 @@ impl Archives {
     pub(super) fn new(source: Box<dyn SeriesArchives>) -> Result<Self, getrandom::Error> {
         let mut secret = [0; 32];
         getrandom::fill(&mut secret)?;
-        let [searches, turn] = [SEARCHES, 1].map(|count| Arc::new(Semaphore::new(count)));
-        Ok(Self { source, searches, turn, secret, found: Mutex::default() })
+        let [searches, stores, turn] = [SEARCHES, STORES, 1].map(|count| Arc::new(Semaphore::new(count)));
+        Ok(Self { source, searches, stores, turn, secret, found: Mutex::default() })
     }
 
     /// Every change is whole, so a panic elsewhere leaves the table usable.

@@ -23,10 +23,11 @@ const MOST_LISTED: usize = 200;
 /// Largest body of a search, bytes.
 const MOST_BYTES: usize = 4096;
 
-/// `GET /v1/archives`: their names.
+/// `GET /v1/archives`: their names, and whether clients may store results in them.
 pub(super) async fn list(State(archives): State<Option<Arc<Archives>>>) -> Json<Value> {
     let names: Vec<&String> = archives.iter().flat_map(|archives| archives.source.names()).collect();
-    Json(json!({ "archives": names }))
+    let take_results = archives.as_ref().is_some_and(|archives| archives.source.take_results());
+    Json(json!({ "archives": names, "take_results": take_results }))
 }
 
 /// `POST /v1/archives/{archive}/search`: the series that match.
@@ -104,7 +105,7 @@ fn describe(series: &ArchivedSeries, shows_patients: bool) -> Value {
     description
 }
 
-fn failed(what: &str, error: &LoadError) -> Problem {
+pub(super) fn failed(what: &str, error: &LoadError) -> Problem {
     Problem::new(StatusCode::BAD_GATEWAY, "archive-failed", format!("{what} failed: {error}"))
 }
 
@@ -118,7 +119,7 @@ fn searchable(archives: Option<Arc<Archives>>, config: &Config) -> Result<Arc<Ar
     Ok(archives)
 }
 
-fn no_archives() -> Problem {
+pub(super) fn no_archives() -> Problem {
     let detail = "no archive is searched here; start the server with --archive NAME=ADDRESS";
     Problem::new(StatusCode::NOT_FOUND, "no-archive", detail)
 }

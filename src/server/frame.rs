@@ -37,7 +37,7 @@ use relief_session::{
 const CACHE_CONTROL: &str = "private, max-age=60";
 
 /// Largest scene in a body: 1024 control points and 12 planes fit several times.
-const SCENE_BYTES: usize = 1 << 20;
+pub(super) const SCENE_BYTES: usize = 1 << 20;
 
 static RELIEF_ANNOTATIONS: HeaderName = HeaderName::from_static("relief-annotations");
 static RELIEF_CAMERA: HeaderName = HeaderName::from_static("relief-camera");
@@ -322,6 +322,18 @@ async fn pick(
     let segment = point.zip(entry.labels.as_ref()).and_then(|(point, labels)| labels.at(point));
     found["segment"] = segment.map(|segment| json!({ "label": segment.label, "name": segment.name })).into();
     Ok(Json(found))
+}
+
+/// The picture of a scene with its annotations, in full quality.
+pub(super) async fn picture_of(
+    pictures: &Pictures,
+    entry: &VolumeEntry,
+    order: SceneQuery,
+    headers: &HeaderMap,
+) -> Result<Arc<RenderedFrame>, Problem> {
+    let mut scene = resolve(order, entry, SizeRule::Any)?;
+    draw(pictures, entry, &mut scene, headers).await?;
+    Ok(render(pictures, entry, &scene).await?.frame)
 }
 
 /// The patient position that a pixel of a scene's picture shows, if any, and where its eye is.

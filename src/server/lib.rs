@@ -55,6 +55,7 @@ mod page;
 mod problem;
 mod quality;
 mod query;
+mod results;
 mod shares;
 mod stall;
 mod state;
@@ -79,7 +80,7 @@ use state::AppState;
 /// A header name, for [`TrustedProxy`].
 pub use axum::http::HeaderName;
 
-pub use archived::{ArchivedSeries, LoadSteps, SeriesArchives, SeriesQuery};
+pub use archived::{ArchivedSeries, LoadSteps, SeriesArchives, SeriesQuery, StoredResult};
 pub use audit::{AuditError, AuditLog, AuditSummary, verify_audit_log};
 pub use identity::{
     Admission, NewToken, Scope, TokenEntry, TokenFileError, Tokens, TrustedProxy, add_token, read_tokens,
@@ -113,6 +114,7 @@ pub fn app(server: Arc<Server>) -> Router {
     let bounded = Router::new()
         .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
         .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
+        .route("/v1/volumes/{id}/frame/store", post(results::store_picture))
         .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
         .route("/v1/volumes/{id}/slice", get(frame::get_slice))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))

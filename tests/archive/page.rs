@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::orthanc::{Orthanc, Wanted};
 use crate::browser::{chromium, python, skipped};
-use crate::cluster::stage::{Answer, Process, ask, get, lone, phantom, until, volumes};
+use crate::cluster::stage::{Answer, Process, ask, get, lone, phantom, relief, until, volumes};
 
 /// A server with this archive, and its address; its log is in the folder.
 fn searching(orthanc: &Orthanc, folder: &std::path::Path, more: &[&str]) -> (Process, String) {
@@ -61,7 +61,8 @@ fn a_series_is_found_by_a_search_and_loaded_on_demand() {
     let head = head.unwrap_or_else(|| panic!("{listed}"));
 
     let (_process, address) = searching(&orthanc, folder.path(), &[]);
-    assert_eq!(get(&address, "/v1/archives", "").json(), json!({ "archives": ["pacs"] }));
+    let archives = json!({ "archives": ["pacs"], "take_results": false });
+    assert_eq!(get(&address, "/v1/archives", "").json(), archives);
     let everything = found(&address, &json!({ "patient_id": "*" }));
     assert_eq!(everything.len(), 2, "{everything:?}");
     let by_description = found(&address, &json!({ "description": "*phantom*head" }));
@@ -152,6 +153,94 @@ fn wrong_searches_and_callers_without_the_scope_are_refused() {
     assert_eq!(code(search, json!({ "patient_id": "*" })), (502, "archive-failed".to_owned()));
 }
 
+/// Invariant: Pictures and annotations that callers of a server store in an archive become objects of
+/// the volume's study, and are stored once.
+#[test]
+fn results_are_stored_once_in_the_study_of_the_volume() {
+    let Some(orthanc) = Orthanc::start("results of a server", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = phantom(folder.path(), "head");
+    orthanc.store(&files);
+    let log = folder.path().join("ann.db");
+    let mut import = relief(&["annotate", "--db"]);
+    import.arg(&log).arg("import").arg(files.join("landmarks.csv")).arg("--series").arg(&files);
+    assert!(import.output().unwrap().status.success());
+    let series = ["--series", files.to_str().unwrap(), "--annotations", log.to_str().unwrap()];
+    let (_process, address) =
+        searching(&orthanc, folder.path(), &[&series[..], &["--archive-results"]].concat());
+    until("the series is served", || volumes(&address).len() == 1);
+    let volume = format!("/v1/volumes/{}", volumes(&address)[0]);
+
+    let store = |part: &str, body: Value| {
+        let answer = post(&address, &format!("{volume}/{part}"), &body);
+        let json = answer.json();
+        (answer.status, json["outcome"].as_str().or(json["code"].as_str()).unwrap().to_owned())
+    };
+    let [new, known] = [(201, "stored".to_owned()), (200, "already-there".to_owned())];
+    let picture = "frame/store?preset=bone&size_px=64,48&annotations=true";
+    assert_eq!(store(picture, json!({ "archive": "pacs" })), new);
+    assert_eq!(store(picture, json!({ "archive": "pacs" })), known);
+    let scene = json!({ "transfer": "skin", "size_px": [64, 48] });
+    assert_eq!(store("frame/store", json!({ "archive": "pacs", "scene": scene })), new);
+    let report = json!({ "archive": "pacs", "format": "sr" });
+    assert_eq!(store("annotations/store", report.clone()), new);
+    assert_eq!(store("annotations/store", report), known);
+
+    let refused = |part: &str, body: Value| store(part, body).1;
+    assert_eq!(refused("frame/store", json!({ "archive": "other" })), "no-archive");
+    assert_eq!(refused("frame/store?presets=1", json!({ "archive": "pacs" })), "unknown-parameter");
+    assert_eq!(refused(picture, json!({ "archive": "pacs", "scene": {} })), "unknown-parameter");
+    let mesh = json!({ "archive": "pacs", "format": "csv" });
+    assert_eq!(refused("annotations/store", mesh), "out-of-range");
+
+    let listed = orthanc.relief(&["inspect", &orthanc.address(""), "--json"]).output().unwrap();
+    let listed: Vec<Value> = serde_json::from_slice(&listed.stdout).unwrap();
+    let mut kinds: Vec<(&str, u64)> = listed
+        .iter()
+        .map(|one| (one["modality"].as_str().unwrap(), one["instances"].as_u64().unwrap()))
+        .collect();
+    kinds.sort_unstable();
+    assert_eq!(kinds, [("CT", slices(&files) as u64), ("OT", 2), ("SR", 1)], "{listed:?}");
+    assert!(listed.iter().all(|one| one["study_uid"] == listed[0]["study_uid"]), "{listed:?}");
+}
+
+/// Results are stored only where the operator allows it, and by callers who may annotate.
+#[test]
+fn results_are_refused_without_the_option_and_the_scope() {
+    let Some(orthanc) = Orthanc::start("refused results of a server", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = phantom(folder.path(), "sphere");
+    let series = ["--series", files.to_str().unwrap()];
+    let (_process, address) = searching(&orthanc, folder.path(), &series);
+    until("the series is served", || volumes(&address).len() == 1);
+    let path = format!("/v1/volumes/{}/frame/store?size_px=64,48", volumes(&address)[0]);
+    let answer = post(&address, &path, &json!({ "archive": "pacs" }));
+    assert_eq!((answer.status, &answer.json()["code"]), (403, &json!("results-off")));
+
+    let tokens = folder.path().join("tokens");
+    let token = |name: &str, scope: &str| {
+        let mut add = relief(&["token", "add"]);
+        let made = add.arg(&tokens).args(["--name", name, "--scope", scope]).output().unwrap();
+        String::from_utf8(made.stdout).unwrap().split_whitespace().last().unwrap().to_owned()
+    };
+    let [viewer, reader] = [token("viewer", "view"), token("reader", "annotate")];
+    let guarded = ["--archive-results", "--token-file", tokens.to_str().unwrap()];
+    let (_process, address) = searching(&orthanc, folder.path(), &[&series[..], &guarded].concat());
+    let stored = |token: &str| {
+        let headers = format!("Authorization: Bearer {token}\r\nContent-Type: application/json\r\n");
+        let body = json!({ "archive": "pacs" }).to_string();
+        ask(&address, &format!("POST {path}"), &headers, &body).unwrap().status
+    };
+    until("the series is served", || stored(&reader) != 404);
+    assert_eq!(stored(&viewer), 403);
+    assert_eq!(stored(&reader), 200);
+    drop(orthanc);
+    let gone = path.replace("64,48", "64,64");
+    let headers = format!("Authorization: Bearer {reader}\r\nContent-Type: application/json\r\n");
+    let answer = ask(&address, &format!("POST {gone}"), &headers, r#"{"archive": "pacs"}"#).unwrap();
+    assert_eq!((answer.status, &answer.json()["code"]), (502, &json!("archive-failed")));
+}
+
 /// The page finds a series in an archive, shows how much of it has arrived, and then the volume.
 #[test]
 fn the_page_finds_and_loads_a_series() {
@@ -161,7 +250,8 @@ fn the_page_finds_and_loads_a_series() {
     let folder = tempfile::tempdir().unwrap();
     let files = phantom(folder.path(), "head");
     orthanc.store(&files);
-    let (_process, address) = searching(&orthanc, folder.path(), &["--show-patient-data"]);
+    let (_process, address) =
+        searching(&orthanc, folder.path(), &["--show-patient-data", "--archive-results"]);
     let script = crate::cluster::stage::root().join("tests/browser/archives.py");
     let mut command = Command::new(python);
     command.env("PYTHONDONTWRITEBYTECODE", "1").arg(script).arg(&chromium).arg(format!("http://{address}"));
@@ -174,5 +264,6 @@ fn the_page_finds_and_loads_a_series() {
     assert_eq!(seen["found"], "1 CT series");
     assert!(seen["row"].as_str().unwrap().contains(&format!("{} slices", slices(&files))), "{seen}");
     assert_eq!(seen["shown"], json!(volumes(&address)));
+    assert_eq!(seen["stored"], json!(["Stored in pacs.", "pacs has this picture already."]));
     assert_eq!(seen["violations"], json!([]), "{seen}");
 }

@@ -1,4 +1,5 @@
-"""Finds a series in an archive on the page of the volume, and loads it; prints what it saw as one JSON object.
+"""Finds a series in an archive on the page of the volume, loads it,
+and stores a picture there; prints what it saw as one JSON object.
 
 usage: archives.py CHROMIUM URL      URL of a server with an archive and without a series
 """
@@ -41,6 +42,12 @@ with sync_playwright() as playwright:
     settled(window)
     seen["shown"] = [page.evaluate("location.hash").split("volume=")[-1].split("&")[0]]
     window.shot("archive-loaded")
+    seen["stored"] = []
+    for said in ("Stored", "has this"):
+        page.click("#sending button")
+        window.wait(f"document.getElementById('notice').textContent.includes('{said}')")
+        seen["stored"].append(page.inner_text("#notice"))
+    window.shot("archive-stored")
     seen["violations"] = accessibility(window)["violations"]
     seen["problems"] = window.problems
     browser.close()

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use data_encoding::HEXLOWER;
 use rayon::prelude::*;
-use relief_archive::{Archive, ArchiveAddress, FoundSeries, Retrieved};
+use relief_archive::{Archive, ArchiveAddress, FoundSeries, OutgoingObject, Retrieved, StoreOutcome};
 use relief_base::sha256_of_file;
 use sha2::{Digest, Sha256};
 
@@ -28,6 +28,18 @@ impl Copies {
     /// When the archive does not answer, refuses, or is not one.
     pub fn found_in_archive(&self, address: &ArchiveAddress) -> std::io::Result<Vec<FoundSeries>> {
         Ok(self.archive(address)?.series(address)?)
+    }
+
+    /// Stores an object in an archive, unless the archive has it.
+    ///
+    /// # Errors
+    /// When the archive does not answer, or does not store objects.
+    pub fn store_in_archive(
+        &self,
+        address: &ArchiveAddress,
+        object: &OutgoingObject,
+    ) -> std::io::Result<StoreOutcome> {
+        Ok(self.archive(address)?.store(object)?)
     }
 
     /// The addresses of the CT series that match an address, or of the modality that its query has.

@@ -1,13 +1,15 @@
-//! `relief serve --archive`: series that clients find in DICOM archives and load.
+//! `relief serve --archive`: series that clients find in DICOM archives and load, and results that they
+//! store there.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use relief_archive::ArchiveAddress;
+use relief_archive::{ArchiveAddress, StoreOutcome};
 use relief_batch::CopyProgress;
-use relief_server::{ArchivedSeries, LoadError, LoadSteps, SeriesArchives, SeriesQuery};
+use relief_server::{ArchivedSeries, LoadError, LoadSteps, SeriesArchives, SeriesQuery, StoredResult};
 use relief_session::{LoadedVolume, VolumeReader};
 
+use crate::send::outgoing;
 use crate::serve::load::{SeriesLoader, SeriesLocation};
 
 /// The modality of the series that are found.
@@ -59,18 +61,23 @@ pub(crate) struct SearchedArchives {
     names: Vec<String>,
     addresses: Vec<ArchiveAddress>,
     loader: Arc<SeriesLoader>,
+    take_results: bool,
 }
 
 impl SearchedArchives {
     /// # Errors
     /// When two archives have one name.
-    pub(crate) fn new(archives: &[NamedArchive], loader: Arc<SeriesLoader>) -> anyhow::Result<Self> {
+    pub(crate) fn new(
+        archives: &[NamedArchive],
+        loader: Arc<SeriesLoader>,
+        take_results: bool,
+    ) -> anyhow::Result<Self> {
         let names: Vec<String> = archives.iter().map(|archive| archive.name.clone()).collect();
         if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
             anyhow::bail!("two archives have the name {} (--archive)", twice.1);
         }
         let addresses = archives.iter().map(|archive| archive.address.clone()).collect();
-        Ok(Self { names, addresses, loader })
+        Ok(Self { names, addresses, loader, take_results })
     }
 }
 
@@ -117,6 +124,20 @@ impl SeriesArchives for SearchedArchives {
             return Err(format!("the archive sent {} series for one UID", listed.len()).into());
         };
         self.loader.read(&place, &local, options, steps.make_room).map_err(public)
+    }
+
+    fn take_results(&self) -> bool {
+        self.take_results
+    }
+
+    fn store(&self, archive: usize, object: Vec<u8>) -> Result<StoredResult, LoadError> {
+        let outgoing = outgoing(object)?;
+        let outcome = self.loader.copies.store_in_archive(&self.addresses[archive], &outgoing)?;
+        Ok(match outcome {
+            StoreOutcome::Stored => StoredResult::Stored,
+            StoreOutcome::AlreadyThere => StoredResult::AlreadyThere,
+            StoreOutcome::Refused { reason } => StoredResult::Refused { reason },
+        })
     }
 }
 

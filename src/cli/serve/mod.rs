@@ -90,6 +90,10 @@ pub(super) struct ServeArguments {
     #[cfg(feature = "cluster")]
     #[arg(long, value_name = "NAME=ADDRESS")]
     archive: Vec<archives::NamedArchive>,
+    /// Let callers who may annotate store pictures and annotations in the archives of --archive
+    #[cfg(feature = "cluster")]
+    #[arg(long, requires = "archive")]
+    archive_results: bool,
     #[cfg(feature = "cluster")]
     #[command(flatten)]
     reception: receive::ReceptionArguments,
@@ -206,7 +210,11 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
         Arc::new(SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? });
     #[cfg(feature = "cluster")]
     if !arguments.archive.is_empty() {
-        let archives = archives::SearchedArchives::new(&arguments.archive, Arc::clone(&loader))?;
+        let archives = archives::SearchedArchives::new(
+            &arguments.archive,
+            Arc::clone(&loader),
+            arguments.archive_results,
+        )?;
         server = server.searching(Box::new(archives))?;
     }
     let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);

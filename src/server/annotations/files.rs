@@ -9,22 +9,26 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::Body;
-use axum::extract::Path;
+use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::asked::events_json;
 use super::asked::{EditRequest, query};
 use crate::annotation_service::{Annotations, Visible};
-use crate::problem::Problem;
+use crate::archived::Archives;
+use crate::guard::{expect_content_type, read_body};
+use crate::problem::{Problem, parse};
+use crate::results::Destination;
 use crate::state::ImportError;
 use crate::upload::{ReceivedUpload, take_in, uploads_off};
 use relief_annotation::{ContentId, Item, Set, ShownSets, Versioned};
 use relief_dicom::SeriesReference;
 use relief_exchange::{
-    ExchangeError, ExistingItems, Format, Imported, Merged, ReadContext, WriteContext, deidentified,
+    ExchangeError, ExistingItems, ExportedFile, Format, Imported, Merged, ReadContext, WriteContext,
+    deidentified,
 };
 use relief_session::on_blocking_thread;
 use relief_store::Filter;
@@ -33,6 +37,8 @@ use relief_store::Filter;
 const CACHE_CONTROL: &str = "private, max-age=31536000, immutable";
 /// Largest file that comes: a label map of a large series.
 const MOST_BYTES: u64 = 256 << 20;
+/// Largest order to store annotations.
+const MOST_ORDER_BYTES: usize = 4096;
 
 static LEFT_OUT: HeaderName = HeaderName::from_static("relief-left-out");
 
@@ -191,20 +197,7 @@ pub(super) async fn export(asked: EditRequest, uri: Uri) -> Result<Response, Pro
     let asked = asked.or_by(by)?;
     let shown = set.as_deref().map_or(Ok(ShownSets::All), super::list::chosen)?;
     let format = parse_format(format.as_deref().unwrap_or_default())?;
-    let items = visible_items(&asked, &shown).await?;
-    let contents = contents_of(&asked.annotations, &items).await?;
-    let engine = Arc::clone(&asked.pictures.engine);
-    let entry = Arc::clone(&asked.entry);
-    let job = move || {
-        let of = |id: &ContentId| contents.get(id).cloned();
-        let without = entry.reference.as_deref().filter(|_| deidentify).map(SeriesReference::deidentified);
-        let series = without.as_ref().or(entry.reference.as_deref());
-        let items = if deidentify { deidentified(items) } else { items };
-        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series };
-        relief_exchange::write(format, &items, &context)
-    };
-    let written = engine.blocking("writing annotations", job).await?;
-    let written = written.map_err(|error| refused(&error, "not-in-this-format"))?;
+    let written = written(&asked, &shown, format, deidentify).await?;
     if report {
         return Ok(Json(json!({ "items": written.items, "left_out": written.left_out })).into_response());
     }
@@ -219,6 +212,67 @@ pub(super) async fn export(asked: EditRequest, uri: Uri) -> Result<Response, Pro
         (LEFT_OUT.clone(), HeaderValue::from(written.left_out.len())),
     ];
     Ok((headers, written.bytes).into_response())
+}
+
+/// Annotations that are to be stored.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AnnotationsToStore {
+    /// Name of the archive.
+    archive: String,
+    /// `sr` or `seg`.
+    format: String,
+    /// As in an export.
+    set: Option<String>,
+}
+
+/// `POST /v1/volumes/{id}/annotations/store`: writes annotations as a DICOM object and stores it.
+pub(super) async fn store(
+    State(archives): State<Option<Arc<Archives>>>,
+    asked: EditRequest,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<(StatusCode, Json<Value>), Problem> {
+    expect_content_type(&headers, "application/json")?;
+    let body = read_body(body, MOST_ORDER_BYTES, asked.config().body_timeout).await?;
+    let AnnotationsToStore { archive, format, set } = parse(&body)?;
+    let destination = Destination::find(archives, &archive)?;
+    let format = parse_format(&format)?;
+    if format.media_type() != "application/dicom" {
+        let detail = "an archive takes the formats sr and seg";
+        return Err(
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail).with("path", "format")
+        );
+    }
+    let shown = set.as_deref().map_or(Ok(ShownSets::All), super::list::chosen)?;
+    let written = written(&asked, &shown, format, false).await?;
+    let (status, Json(mut answer)) = destination.store(written.bytes).await?;
+    answer["items"] = json!(written.items);
+    answer["left_out"] = json!(written.left_out);
+    Ok((status, Json(answer)))
+}
+
+/// The annotations that the author sees, as a file.
+async fn written(
+    asked: &EditRequest,
+    shown: &ShownSets,
+    format: Format,
+    deidentify: bool,
+) -> Result<ExportedFile, Problem> {
+    let items = visible_items(asked, shown).await?;
+    let contents = contents_of(&asked.annotations, &items).await?;
+    let engine = Arc::clone(&asked.pictures.engine);
+    let entry = Arc::clone(&asked.entry);
+    let job = move || {
+        let of = |id: &ContentId| contents.get(id).cloned();
+        let without = entry.reference.as_deref().filter(|_| deidentify).map(SeriesReference::deidentified);
+        let series = without.as_ref().or(entry.reference.as_deref());
+        let items = if deidentify { deidentified(items) } else { items };
+        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series };
+        relief_exchange::write(format, &items, &context)
+    };
+    let written = engine.blocking("writing annotations", job).await?;
+    written.map_err(|error| refused(&error, "not-in-this-format"))
 }
 
 /// The items that the author may see, with their frame of reference, which files may name.

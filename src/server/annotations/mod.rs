@@ -45,6 +45,7 @@ pub(super) fn routes() -> Router<AppState> {
         .route("/v1/volumes/{id}/annotations/mesh", post(structures::mesh))
         .route("/v1/volumes/{id}/annotations/import", post(files::import))
         .route("/v1/volumes/{id}/annotations/export", get(files::export))
+        .route("/v1/volumes/{id}/annotations/store", post(files::store))
         .route("/v1/volumes/{id}/annotations/snap", post(snap::snap))
         .route("/v1/volumes/{id}/annotations/templates", get(templates::names))
         .route("/v1/volumes/{id}/annotations/contents/{sha256}", get(files::content))

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub enum Scope {
     /// Look: frames, depth, picks, slices, annotations, live sessions.
     View,
-    /// Change annotations, too.
+    /// Change annotations and store results in archives, too.
     Annotate,
     /// Add and remove volumes and their label maps, too.
     Admin,
@@ -38,7 +38,7 @@ impl Scope {
             ["/frame", "/depth", "/pick", "/snap", "/intent", "/ticket", "/wand"];
         if method.is_safe() || READS_BY_POST.iter().any(|end| route.ends_with(end)) {
             Self::View
-        } else if route.contains("/annotations") {
+        } else if route.contains("/annotations") || route.ends_with("/frame/store") {
             Self::Annotate
         } else {
             Self::Admin
@@ -65,6 +65,8 @@ mod tests {
             (Method::POST, "/v1/volumes/{id}/annotations/snap", Scope::View),
             (Method::POST, "/v1/volumes/{id}/annotations", Scope::Annotate),
             (Method::PUT, "/v1/volumes/{id}/annotations/sets/{name}", Scope::Annotate),
+            (Method::POST, "/v1/volumes/{id}/frame/store", Scope::Annotate),
+            (Method::POST, "/v1/volumes/{id}/annotations/store", Scope::Annotate),
             (Method::POST, "/v1/volumes", Scope::Admin),
             (Method::DELETE, "/v1/volumes/{id}", Scope::Admin),
             (Method::POST, "/v1/volumes/{id}/labels", Scope::Admin),

@@ -402,7 +402,8 @@ async function awaitVolumes(wanted) {
 
 async function start() {
   await showIdentity($("identity"));
-  await showArchives({ loaded: showVolumeOf });
+  const picture = () => state.volume && `${volumePath("frame")}/store?${frameQuery(state)}`;
+  await showArchives({ loaded: showVolumeOf, picture });
   const known = await (await request("/v1/presets")).json();
   presets = known.presets;
   grid.fill(presets);

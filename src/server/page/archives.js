@@ -1,5 +1,7 @@
-// The search over DICOM archives: its form, the series that match, and loading them with progress.
+// The search over DICOM archives: its form, the series that match, and loading them with progress; and a button for each
+// archive that takes pictures.
 
+import { notify, showFailure } from "./notice.js";
 import { DOT, $ } from "./state.js";
 import { request } from "./view.js";
 
@@ -8,10 +10,15 @@ const FIELDS = ["patient_id", "patient_name", "accession_number", "study_date", 
 /** How often the state of a loading series is requested, ms. */
 const POLL_MS = 300;
 
-/** Shows the search where the server has archives. `loaded` is called with the id of a volume that was loaded on demand. */
-export async function showArchives({ loaded }) {
-  const { archives } = await (await request("/v1/archives")).json();
+/**
+ * Shows the search where the server has archives, and a button for each archive that takes pictures. `loaded` is called
+ * with the id of a volume that was loaded on demand; `picture` returns the address of the shown picture.
+ */
+export async function showArchives({ loaded, picture }) {
+  const { archives, take_results: takeResults } = await (await request("/v1/archives")).json();
   if (!archives.length) return;
+  $("sending").hidden = !takeResults;
+  if (takeResults) $("sending").replaceChildren(...archives.map((name) => sendingButton(name, picture)));
   $("archives").hidden = false;
   $("archive-name").replaceChildren(...archives.map((name) => new Option(name)));
   $("archive-field").hidden = archives.length === 1;
@@ -19,6 +26,25 @@ export async function showArchives({ loaded }) {
   $("archives").addEventListener("keydown", ({ key, target }) => {
     if (key === "Enter" && target.type === "search") search(loaded);
   });
+}
+
+function sendingButton(archive, picture) {
+  const button = Object.assign(document.createElement("button"), { type: "button" });
+  const to = Object.assign(document.createElement("small"), { textContent: `to ${archive}` });
+  button.append("Store picture ", to);
+  button.addEventListener("click", async () => {
+    const address = picture();
+    if (!address) return;
+    button.disabled = true;
+    try {
+      const { outcome } = await (await post(address, { archive })).json();
+      notify(outcome === "stored" ? `Stored in ${archive}.` : `${archive} has this picture already.`);
+    } catch (error) {
+      showFailure(error);
+    }
+    button.disabled = false;
+  });
+  return button;
 }
 
 async function search(loaded) {

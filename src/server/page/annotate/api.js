@@ -45,6 +45,12 @@ async function ask(url, options = {}) {
   throw new Problem(answer.status, problem);
 }
 
+/** The names of the archives that take results. */
+export async function archivesForResults() {
+  const { archives, take_results: takeResults } = await (await ask("/v1/archives")).json();
+  return takeResults ? archives : [];
+}
+
 /** Annotations of one volume, as one author. */
 export class Annotations {
   constructor(volume, author) {
@@ -127,6 +133,11 @@ export class Annotations {
     const list = file.name.replace(/\.(mrk\.json|seg\.nrrd|nii\.gz|[^.]+)$/i, "").slice(0, 120);
     const query = new URLSearchParams({ set, ...(list ? { list } : {}), ...(format ? { format } : { name: file.name }), ...how });
     return this.#send("POST", `/import?${query}`, file, { type: "application/octet-stream" });
+  }
+
+  /** Stores a report or a segmentation in an archive: the outcome, and the items that the format cannot represent. */
+  store(archive, format, set) {
+    return this.#send("POST", "/store", { archive, format, ...(set ? { set } : {}) });
   }
 
   /** The file as a blob, its name, and the number of items that the format cannot represent. */

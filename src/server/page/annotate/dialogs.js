@@ -96,19 +96,24 @@ export async function askSet(author) {
   return { name: found.name, ...(found.reader.trim() ? { reader: found.reader.trim() } : {}), blinded: found.blinded };
 }
 
-/** The export to make: `{ format, set }`; an empty set means all sets. */
-export async function askExport(sets, now) {
+/**
+ * The export to make: `{ format, set, to }`; an empty set means all sets, and `to` is the name of an archive, or empty
+ * for a file.
+ */
+export async function askExport(sets, now, archives) {
   const formats = FORMATS.filter(({ isWritten }) => isWritten).map(({ name: value, title }, i) => element(
     "label", { className: "choice" },
     element("input", { type: "radio", name: "format", value, checked: i === 0 }), element("b", {}, value), element("span", {}, title),
   ));
   const select = element("select", { name: "set" }, new Option("all sets", ""), ...sets.map((name) => new Option(name, name, false, name === now)));
+  const to = element("select", { name: "to" }, new Option("a file", ""), ...archives.map((name) => new Option(`${name} (archive)`, name)));
   const found = await ask("Export", [
     field("Items of", select),
+    ...(archives.length ? [field("To", to)] : []),
     element("fieldset", { className: "choices" }, element("legend", {}, "Format"), ...formats),
     paragraph("Values that the format cannot hold are left out and counted."),
   ], [["", "Cancel"], ["ok", "Export", true]], true);
-  return found && { format: found.format, set: found.set };
+  return found && { format: found.format, set: found.set, to: found.to ?? "" };
 }
 
 /** Differences between two versions of an item: rows of [property, theirs, mine]. */

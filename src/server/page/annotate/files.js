@@ -70,18 +70,31 @@ export class Files {
     if (messages.length) this.say(messages.join(". "));
   }
 
-  async save({ format, set }) {
+  async save({ format, set, to }) {
     try {
+      if (to) return await this.#store(to, format, set);
       const { blob, name, leftOut } = await this.annotations().export(format, set);
       const link = document.createElement("a");
       link.href = URL.createObjectURL(blob);
       link.download = name;
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
-      const rest = leftOut ? ` ${leftOut} item${leftOut === 1 ? "" : "s"} cannot be represented in this format and ${leftOut === 1 ? "is" : "are"} left out.` : "";
-      this.say(`Saved ${name}.${rest}`, { brief: !leftOut });
+      this.say(`Saved ${name}.${leftOutWords(leftOut)}`, { brief: !leftOut });
     } catch (error) {
       this.fail(error);
     }
   }
+
+  async #store(archive, format, set) {
+    const { outcome, left_out: { length } } = await this.annotations().store(archive, format, set);
+    const words = outcome === "stored" ? `Stored in ${archive}.` : `${archive} has these annotations already.`;
+    this.say(`${words}${leftOutWords(length)}`, { brief: !length });
+  }
+}
+
+function leftOutWords(count) {
+  if (!count) return "";
+  return count === 1
+    ? " 1 item cannot be represented in this format and is left out."
+    : ` ${count} items cannot be represented in this format and are left out.`;
 }

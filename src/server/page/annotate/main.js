@@ -3,7 +3,7 @@
 import { showIdentity } from "/identity.js";
 import { directionsOf } from "/orbit.js";
 import { Refusal, request } from "/view.js";
-import { Annotations, Conflict, newId } from "./api.js";
+import { Annotations, Conflict, archivesForResults, newId } from "./api.js";
 import { askAuthor, askConflict, askDetails, askExport, askSet, showHelp } from "./dialogs.js";
 import { Guide } from "./guide.js";
 import { Hand } from "./hand.js";
@@ -200,7 +200,7 @@ onKeys(page);
 
 async function exportAs() {
   const sets = [...new Set([...model.items.values()].map(({ item }) => item.set))].sort();
-  const choice = await askExport(sets, model.set);
+  const choice = await askExport(sets, model.set, await archivesForResults());
   if (choice) await files.save(choice);
 }
 
