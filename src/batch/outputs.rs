@@ -9,6 +9,7 @@ use super::error::SeriesError;
 use super::pose::ViewCamera;
 use super::product::Product;
 use crate::product::DEPTH_UNIT_MM;
+use relief_dicom::{CaptureOptions, CapturedPicture, SeriesReference, write_capture};
 use relief_display::{DisplaySettings, Frame, Layout, Pixels, encode_png};
 use relief_render::{Mesh, OverlayItem, Overlays, RenderRequest, RenderedFrame, draw_overlays};
 use relief_session::{EncodingError, FileFormat, Product as Picture, encode};
@@ -24,6 +25,8 @@ pub(super) struct RenderedView {
     pub(super) request: RenderRequest,
     pub(super) display: DisplaySettings,
     pub(super) grid: Grid,
+    /// The series that DICOM objects belong to.
+    pub(super) reference: Option<Arc<SeriesReference>>,
 }
 
 /// The outputs of a job, each with its bytes.
@@ -46,7 +49,7 @@ impl RenderedView {
         let plain = self.drawn(&self.request)?;
         let mut annotated = None;
         if let Some(readied) = annotations
-            && products.iter().any(|product| matches!(product, Product::Annotated | Product::AnnotatedFrame))
+            && products.iter().any(|product| product.needs_annotations() && *product != Product::Labels)
         {
             let mut request = self.request.clone();
             let drawn = readied.drawables.draw(&mut request, &self.display, &self.grid);
@@ -67,6 +70,7 @@ impl RenderedView {
                 (Product::Color | Product::Annotated, Some(frame)) => {
                     self.color(frame).map_err(SeriesError::permanent)?
                 }
+                (Product::Capture | Product::AnnotatedCapture, Some(frame)) => self.capture(frame)?,
                 (Product::Depth, Some(frame)) => {
                     encode(frame, &self.display, Picture::Depth, FileFormat::Exr)
                         .map_err(SeriesError::permanent)?
@@ -96,6 +100,18 @@ impl RenderedView {
     fn color(&self, frame: &RenderedFrame) -> Result<Vec<u8>, EncodingError> {
         let alone = DisplaySettings { layout: Layout::Color, ..self.display.clone() };
         encode(frame, &alone, Picture::Frame, FileFormat::Png)
+    }
+
+    /// A Secondary Capture of the series' study.
+    fn capture(&self, frame: &RenderedFrame) -> Result<Vec<u8>, SeriesError> {
+        let series = self.reference.as_deref().ok_or_else(|| {
+            SeriesError::permanent(
+                "the volume is not of a DICOM series with UIDs, so an object of its picture belongs to no study",
+            )
+        })?;
+        let rgb = frame.color_rgba.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]);
+        let picture = CapturedPicture { size_px: frame.size_px, rgb: rgb.collect() };
+        write_capture(&[picture], series, &CaptureOptions::of_view()).map_err(SeriesError::permanent)
     }
 
     /// Every structure is drawn into an empty picture; the nearest one gets the pixel.

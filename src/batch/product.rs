@@ -25,6 +25,10 @@ pub enum Product {
     /// Which structure of the annotations is nearest in each pixel, whatever of the volume lies
     /// before it: 8-bit grey, PNG.
     Labels,
+    /// The colour as a DICOM Secondary Capture of the series' study.
+    Capture,
+    /// The colour with the annotations drawn over it, as a Secondary Capture.
+    AnnotatedCapture,
 }
 
 /// What one word of `--products` asks for.
@@ -33,7 +37,7 @@ pub struct ProductSet(pub Vec<Product>);
 
 impl Product {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::Frame,
         Self::Color,
         Self::Depth,
@@ -42,6 +46,8 @@ impl Product {
         Self::Annotated,
         Self::AnnotatedFrame,
         Self::Labels,
+        Self::Capture,
+        Self::AnnotatedCapture,
     ];
 
     /// Colour, depth and camera: what those who learn from pictures need.
@@ -59,6 +65,8 @@ impl Product {
             Self::Annotated => "annotated",
             Self::AnnotatedFrame => "annotated-frame",
             Self::Labels => "labels",
+            Self::Capture => "capture",
+            Self::AnnotatedCapture => "annotated-capture",
         }
     }
 
@@ -74,13 +82,21 @@ impl Product {
             Self::Annotated => "annotated.png",
             Self::AnnotatedFrame => "annotated-frame.png",
             Self::Labels => "labels.png",
+            Self::Capture => "capture.dcm",
+            Self::AnnotatedCapture => "annotated-capture.dcm",
         }
     }
 
     /// Whether it has annotations in it.
     #[must_use]
     pub const fn needs_annotations(self) -> bool {
-        matches!(self, Self::Annotated | Self::AnnotatedFrame | Self::Labels)
+        matches!(self, Self::Annotated | Self::AnnotatedFrame | Self::Labels | Self::AnnotatedCapture)
+    }
+
+    /// Whether it is a DICOM object, which an archive can store.
+    #[must_use]
+    pub const fn is_object(self) -> bool {
+        matches!(self, Self::Capture | Self::AnnotatedCapture)
     }
 
     /// Whether the picture has to have the size of its layout.

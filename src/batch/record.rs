@@ -55,7 +55,8 @@ impl Record {
     }
 
     /// The name of one of its files.
-    pub(super) fn output(&self, product: Product) -> Option<&str> {
+    #[must_use]
+    pub fn output(&self, product: Product) -> Option<&str> {
         let name = format!("{}.{}", self.view, product.ending());
         self.outputs.iter().map(|output| output.file.as_str()).find(|file| *file == name)
     }

@@ -331,7 +331,8 @@ fn render(
         SeriesError::new(kind, &error)
     })?;
     request.overlays = overlays;
-    Ok(RenderedView { frame, request, display: scene.display, grid: volume.grid().clone() })
+    let (grid, reference) = (volume.grid().clone(), loaded.reference.clone());
+    Ok(RenderedView { frame, request, display: scene.display, grid, reference })
 }
 
 fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &RunState<'_>) {

@@ -72,7 +72,7 @@ impl Sink {
     }
 
     /// Reads an output; `None` if it does not exist or is larger than this many bytes.
-    pub(super) fn read(&self, name: &str, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
+    pub fn read(&self, name: &str, largest: u64) -> std::io::Result<Option<Vec<u8>>> {
         match self {
             Self::Folder(folder) => match read_at_most(&folder.join(name), largest) {
                 Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),

@@ -11,7 +11,7 @@ use super::error::{FailureKind, SeriesError};
 use super::gate::{MemoryBudget, ReservedMemory};
 use super::isolation::{self, FoundSeries, IsolatedReader, IsolationError};
 use relief_base::{Budget, sha256_of_file};
-use relief_dicom::{LoadLimits, SeriesEntry, Strictness};
+use relief_dicom::{LoadLimits, SeriesEntry, SeriesReference, Strictness};
 use relief_session::load_labels;
 use relief_volume::{LabelMap, Volume};
 
@@ -50,6 +50,8 @@ pub(super) struct BudgetedVolume<'a> {
     pub(super) volume: Volume,
     /// On its grid.
     pub(super) labels: Option<Arc<LabelMap>>,
+    /// The series that DICOM objects of its pictures belong to.
+    pub(super) reference: Option<Arc<SeriesReference>>,
     /// Warnings of its reading.
     pub(super) warnings: Vec<String>,
     held: ReservedMemory<'a>,
@@ -98,7 +100,8 @@ impl SeriesSource {
             .map_err(|error| of_dicom(&error))?;
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
-        Ok(BudgetedVolume { volume: loaded.volume, labels: None, warnings, held })
+        let (volume, reference) = (loaded.volume, loaded.reference);
+        Ok(BudgetedVolume { volume, labels: None, reference, warnings, held })
     }
 
     fn load_file<'a>(&self, path: &Path, gate: &'a MemoryBudget) -> Result<BudgetedVolume<'a>, SeriesError> {
@@ -109,7 +112,8 @@ impl SeriesSource {
         let limits = relief_dicom::FormatLimits { voxels: gate.limit() / size_of::<i16>() as u64 };
         let read = relief_dicom::read_volume_within(limits, path)
             .map_err(|error| SeriesError::permanent(error.about("its file")))?;
-        Ok(BudgetedVolume { volume: read.volume, labels: None, warnings: read.warnings, held })
+        let (volume, warnings) = (read.volume, read.warnings);
+        Ok(BudgetedVolume { volume, labels: None, reference: None, warnings, held })
     }
 
     /// Loads the series in a child process.
@@ -141,7 +145,8 @@ impl SeriesSource {
         let read = reader.series(path, choice, gate.limit(), &Budget::default(), wanted);
         let (loaded, warnings) = read.map_err(of_child)?;
         let held = held.unwrap_or_else(|| gate.hold(0));
-        Ok(BudgetedVolume { volume: loaded.volume, labels: None, warnings, held })
+        let (volume, reference) = (loaded.volume, loaded.reference);
+        Ok(BudgetedVolume { volume, labels: None, reference, warnings, held })
     }
 
     fn expect(&self, found: &str) -> Result<(), SeriesError> {

@@ -41,6 +41,17 @@ pub struct CaptureOptions {
     pub frame_ms: f64,
 }
 
+impl CaptureOptions {
+    /// Those of a single rendered view.
+    #[must_use]
+    pub fn of_view() -> Self {
+        Self { description: Self::DESCRIPTION.to_owned(), number: 1, frame_ms: 0.0 }
+    }
+
+    /// The usual description.
+    pub const DESCRIPTION: &str = "Relief 3D views";
+}
+
 /// Why pictures cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {

@@ -23,9 +23,6 @@ use relief_dicom::{CaptureOptions, CapturedPicture, SeriesReference, write_captu
 use relief_render::RenderedFrame;
 use relief_session::{VolumeEntry, on_blocking_thread};
 
-/// Description of the series of pictures.
-const DESCRIPTION: &str = "Relief 3D views";
-
 /// A picture that is to be stored.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -61,8 +58,7 @@ pub(super) async fn store_picture(
     };
     let frame =
         picture_of(&pictures, &entry, scene, &headers).await.map_err(|problem| query.blame(problem))?;
-    let options = CaptureOptions { description: DESCRIPTION.to_owned(), number: 1, frame_ms: 0.0 };
-    let job = move || write_capture(&[captured(&frame)], &series, &options);
+    let job = move || write_capture(&[captured(&frame)], &series, &CaptureOptions::of_view());
     let object = pictures.engine.blocking("writing a picture as a DICOM object", job).await?;
     let object =
         object.map_err(|error| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "not-storable", error))?;

@@ -169,3 +169,56 @@ fn an_archive_that_stores_nothing_is_an_error() {
         assert!(!sent.status.success() && said.contains(expected), "{status}: {said}");
     }
 }
+
+/// Invariant: Captures that a batch stores in an archive are objects of the series' study, and a
+/// repeated run stores nothing.
+#[test]
+fn captures_of_a_batch_are_stored_once() {
+    let Some(orthanc) = Orthanc::start("captures of a batch", Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path(), "head");
+    orthanc.store(&series);
+    let log = folder.path().join("ann.db");
+    let landmarks = series.join("landmarks.csv");
+    let mut import = relief(&["annotate", "--db"]);
+    succeeded(&import.arg(&log).arg("import").arg(landmarks).arg("--series").arg(&series).output().unwrap());
+    let planned = |products: &str| {
+        let jobs = folder.path().join(format!("{products}.jsonl"));
+        let mut plan =
+            relief(&["batch", "plan", "--views", "turntable:2", "--preset", "bone", "--size", "64x48"]);
+        plan.args(["--products", products, "--root"]).arg(&series).arg("--annotations").arg(&log);
+        succeeded(&plan.arg("--out").arg(&jobs).output().unwrap());
+        jobs
+    };
+    let run = |jobs: &Path| {
+        let mut run = orthanc.relief(&["batch", "run", "--json", "--send", &orthanc.address("")]);
+        run.arg("--manifest").arg(jobs).arg("--out").arg(folder.path().join("views")).output().unwrap()
+    };
+    let jobs = planned("capture,annotated-capture");
+    let sent = |jobs: &Path| -> Value {
+        serde_json::from_str::<Value>(&succeeded(&run(jobs))).unwrap()["sent"].clone()
+    };
+    let counts = |stored: u32, there: u32| json!({ "stored": stored, "already_there": there, "refused": 0 });
+    assert_eq!(sent(&jobs), counts(4, 0));
+    assert_eq!(sent(&jobs), counts(0, 4), "a repeat");
+    let without = run(&planned("color"));
+    let said = String::from_utf8_lossy(&without.stderr).into_owned();
+    assert!(!without.status.success() && said.contains("--products capture"), "{said}");
+
+    let listed = orthanc.relief(&["inspect", &orthanc.address(""), "--json"]).output().unwrap();
+    let listed: Vec<Value> = serde_json::from_str(&succeeded(&listed)).unwrap();
+    let captures = listed.iter().filter(|one| one["modality"] == "OT");
+    assert_eq!(captures.map(|one| one["instances"].as_u64().unwrap()).sum::<u64>(), 4, "{listed:?}");
+    assert!(listed.iter().all(|one| one["study_uid"] == listed[0]["study_uid"]), "{listed:?}");
+    let views = walkdir::WalkDir::new(folder.path().join("views")).into_iter().map(|entry| entry.unwrap());
+    let objects: Vec<PathBuf> = views
+        .map(walkdir::DirEntry::into_path)
+        .filter(|path| path.extension().is_some_and(|ending| ending == "dcm"))
+        .collect();
+    assert_eq!(objects.len(), 4, "{objects:?}");
+    for object in objects {
+        if let Some(errors) = dciodvfy(&object) {
+            assert_eq!(errors, [""; 0], "{}", object.display());
+        }
+    }
+}

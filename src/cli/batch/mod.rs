@@ -4,6 +4,8 @@ mod copies;
 mod plan;
 #[cfg(feature = "cluster")]
 mod queue;
+#[cfg(feature = "cluster")]
+mod send;
 mod shared;
 
 use std::io::IsTerminal;
@@ -46,6 +48,7 @@ Examples:
   relief batch report --manifest jobs.jsonl --out views              pages and sheets after shards
   relief batch run --manifest jobs.jsonl --out s3://bucket/views     into a bucket; AWS_... have credentials and endpoint
   relief batch plan --root s3://bucket/archive --views sides --out jobs.jsonl    of series in a bucket
+  relief batch run --manifest jobs.jsonl --out views --send dicomweb+https://ct-server/dicom-web    captures into a PACS
   relief batch submit --manifest jobs.jsonl --nats nats://HOST:4222  into a queue, for any number of
   relief batch work --nats nats://HOST:4222 --out s3://bucket/views  workers
 
@@ -88,6 +91,11 @@ struct RunArguments {
     /// memory]
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Store the products capture and annotated-capture in this DICOM archive,
+    /// dicomweb+https://HOST/ROOT, when all jobs are done; what it has is not sent again
+    #[cfg(feature = "cluster")]
+    #[arg(long, value_name = "ARCHIVE", value_parser = send::parse_archive)]
+    send: Option<relief_archive::ArchiveAddress>,
     #[command(flatten)]
     films: FilmArguments,
     #[command(flatten)]
@@ -179,6 +187,10 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if let Some(unknown) = only.iter().find(|key| !jobs.iter().any(|job| job.job == **key)) {
         bail!("no job of {} has the key {}", arguments.manifest.display(), unknown.0);
     }
+    #[cfg(feature = "cluster")]
+    if arguments.send.is_some() {
+        send::expect_objects(&jobs)?;
+    }
     let share = MemoryShare::of(arguments.memory)?;
     let films = arguments.films.films(&jobs)?;
     let out = arguments.series.copies.bucket.open(&arguments.out)?;
@@ -200,13 +212,32 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if is_whole && (summary.done > 0 || !options.out.has(REPORT)) {
         write_report(&jobs, &summary.failures, &options.out, &films).context("cannot write the report")?;
     }
-    tell(arguments, &summary, [started, reporting].map(|since| since.elapsed()))
+    let took = [started, reporting].map(|since| since.elapsed());
+    #[cfg(feature = "cluster")]
+    let sent = match &arguments.send {
+        Some(archive) => Some(send::send(&jobs, &options.out, &options.copies, archive)?),
+        None => None,
+    };
+    #[cfg(not(feature = "cluster"))]
+    let sent: Option<()> = None;
+    let code = tell(arguments, &summary, took, json!(sent))?;
+    #[cfg(feature = "cluster")]
+    if let Some(sent) = sent {
+        if !arguments.json {
+            say!("{}", sent.describe());
+        }
+        if sent.refused > 0 {
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    Ok(code)
 }
 
 fn tell(
     arguments: &RunArguments,
     summary: &Summary,
     [took, report]: [Duration; 2],
+    sent: serde_json::Value,
 ) -> anyhow::Result<ExitCode> {
     let Summary { jobs, done, skipped, loaded, failures, seconds } = summary;
     let again = failures.iter().filter(|failure| failure.kind == FailureKind::Retryable).count();
@@ -214,7 +245,7 @@ fn tell(
         print_json(&json!({
             "out": arguments.out.to_string(), "jobs": jobs, "done": done, "skipped": skipped, "series_loaded": loaded,
             "failed": failures, "seconds": took.as_secs_f64(), "seconds_of": seconds,
-            "report_seconds": report.as_secs_f64(),
+            "report_seconds": report.as_secs_f64(), "sent": sent,
         }))?;
     } else {
         let seconds = took.as_secs_f64();

@@ -66,8 +66,9 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     zoom: f64,
     /// Outputs of each view: frame (2D plus depth), color, depth (EXR, mm), depth-png (16 bits),
-    /// camera (JSON); annotated, annotated-frame and labels (structures) of --annotations; dataset
-    /// is color,depth,depth-png,camera
+    /// camera (JSON); capture (the colour as a DICOM Secondary Capture); annotated, annotated-frame,
+    /// annotated-capture and labels (structures) of --annotations; dataset is
+    /// color,depth,depth-png,camera
     #[arg(long, value_name = "PRODUCTS", value_delimiter = ',', default_value = "frame,color")]
     products: Vec<ProductSet>,
     /// The manifest: a job a line. Annotations that are drawn are kept beside it, in a folder of
