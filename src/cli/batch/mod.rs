@@ -220,7 +220,7 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     };
     #[cfg(not(feature = "cluster"))]
     let sent: Option<()> = None;
-    let code = tell(arguments, &summary, took, json!(sent))?;
+    let code = tell(arguments, &summary, took, &json!(sent))?;
     #[cfg(feature = "cluster")]
     if let Some(sent) = sent {
         if !arguments.json {
@@ -237,7 +237,7 @@ fn tell(
     arguments: &RunArguments,
     summary: &Summary,
     [took, report]: [Duration; 2],
-    sent: serde_json::Value,
+    sent: &serde_json::Value,
 ) -> anyhow::Result<ExitCode> {
     let Summary { jobs, done, skipped, loaded, failures, seconds } = summary;
     let again = failures.iter().filter(|failure| failure.kind == FailureKind::Retryable).count();
