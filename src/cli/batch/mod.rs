@@ -92,7 +92,7 @@ struct RunArguments {
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     /// Store the products capture and annotated-capture in this DICOM archive,
-    /// dicomweb+https://HOST/ROOT, when all jobs are done; what it has is not sent again
+    /// dicomweb+https://HOST/ROOT, when the run ends; what it has is not sent again
     #[cfg(feature = "cluster")]
     #[arg(long, value_name = "ARCHIVE", value_parser = send::parse_archive)]
     send: Option<relief_archive::ArchiveAddress>,
