@@ -1,5 +1,6 @@
 //! The search of a server over archives: over HTTP, and on the page in Chromium.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::{Value, json};
@@ -9,7 +10,7 @@ use crate::browser::{chromium, python, skipped};
 use crate::cluster::stage::{Answer, Process, ask, get, lone, phantom, relief, until, volumes};
 
 /// A server with this archive, and its address; its log is in the folder.
-fn searching(orthanc: &Orthanc, folder: &std::path::Path, more: &[&str]) -> (Process, String) {
+fn searching(orthanc: &Orthanc, folder: &Path, more: &[&str]) -> (Process, String) {
     let archive = format!("pacs={}", orthanc.address(""));
     let mut command = orthanc.relief(&["serve", "--listen", "127.0.0.1:0", "--archive", &archive]);
     let errors = std::fs::File::create(folder.join("serve.log")).unwrap();
@@ -28,8 +29,17 @@ fn found(address: &str, query: &Value) -> Vec<Value> {
     answer.json()["series"].as_array().unwrap().clone()
 }
 
+/// A log with the landmarks of a phantom.
+fn landmarks(folder: &Path, series: &Path) -> PathBuf {
+    let log = folder.join("ann.db");
+    let mut import = relief(&["annotate", "--db"]);
+    import.arg(&log).arg("import").arg(series.join("landmarks.csv")).arg("--series").arg(series);
+    assert!(import.output().unwrap().status.success());
+    log
+}
+
 /// The number of DICOM files in a folder.
-fn slices(folder: &std::path::Path) -> usize {
+fn slices(folder: &Path) -> usize {
     let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
     files.filter(|path| path.extension().is_some_and(|ending| ending == "dcm")).count()
 }
@@ -161,10 +171,7 @@ fn results_are_stored_once_in_the_study_of_the_volume() {
     let folder = tempfile::tempdir().unwrap();
     let files = phantom(folder.path(), "head");
     orthanc.store(&files);
-    let log = folder.path().join("ann.db");
-    let mut import = relief(&["annotate", "--db"]);
-    import.arg(&log).arg("import").arg(files.join("landmarks.csv")).arg("--series").arg(&files);
-    assert!(import.output().unwrap().status.success());
+    let log = landmarks(folder.path(), &files);
     let series = ["--series", files.to_str().unwrap(), "--annotations", log.to_str().unwrap()];
     let (_process, address) =
         searching(&orthanc, folder.path(), &[&series[..], &["--archive-results"]].concat());
@@ -250,8 +257,9 @@ fn the_page_finds_and_loads_a_series() {
     let folder = tempfile::tempdir().unwrap();
     let files = phantom(folder.path(), "head");
     orthanc.store(&files);
-    let (_process, address) =
-        searching(&orthanc, folder.path(), &["--show-patient-data", "--archive-results"]);
+    let log = landmarks(folder.path(), &files);
+    let more = ["--show-patient-data", "--archive-results", "--annotations", log.to_str().unwrap()];
+    let (_process, address) = searching(&orthanc, folder.path(), &more);
     let script = crate::cluster::stage::root().join("tests/browser/archives.py");
     let mut command = Command::new(python);
     command.env("PYTHONDONTWRITEBYTECODE", "1").arg(script).arg(&chromium).arg(format!("http://{address}"));
@@ -264,6 +272,12 @@ fn the_page_finds_and_loads_a_series() {
     assert_eq!(seen["found"], "1 CT series");
     assert!(seen["row"].as_str().unwrap().contains(&format!("{} slices", slices(&files))), "{seen}");
     assert_eq!(seen["shown"], json!(volumes(&address)));
-    assert_eq!(seen["stored"], json!(["Stored in pacs.", "pacs has this picture already."]));
+    let said = [
+        "Stored in pacs.",
+        "pacs has this picture already.",
+        "Stored in pacs. 2 kinds of values cannot be represented in this format and are left out.",
+        "pacs has these annotations already. 2 kinds of values cannot be represented in this format and are left out.",
+    ];
+    assert_eq!(seen["stored"], json!(said));
     assert_eq!(seen["violations"], json!([]), "{seen}");
 }

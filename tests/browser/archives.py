@@ -1,7 +1,7 @@
 """Finds a series in an archive on the page of the volume, loads it,
-and stores a picture there; prints what it saw as one JSON object.
+and stores a picture and a report there; prints what it saw as one JSON object.
 
-usage: archives.py CHROMIUM URL      URL of a server with an archive and without a series
+usage: archives.py CHROMIUM URL      URL of a server with an archive and annotations, and without a series
 """
 
 import json
@@ -50,5 +50,19 @@ with sync_playwright() as playwright:
     window.shot("archive-stored")
     seen["violations"] = accessibility(window)["violations"]
     seen["problems"] = window.problems
+
+    window = Window(browser, server, "/annotate", size={"width": 1400, "height": 900}, author="reader")
+    page = window.page
+    window.wait("document.querySelectorAll('#items .item').length > 0")
+    for said in ("Stored", "has these"):
+        page.click("#export-button")
+        page.select_option("#dialog-to", "pacs")
+        page.check("#dialog input[value=sr]")
+        window.shot("archive-export")
+        page.click("#dialog .primary")
+        message = "['brief', 'notice'].map((id) => document.getElementById(id).textContent).join('')"
+        window.wait(f"({message}).includes('{said}')", 5)
+        seen["stored"].append(page.evaluate(message))
+    seen["problems"] += window.problems
     browser.close()
 print(json.dumps(seen))

@@ -92,9 +92,8 @@ export class Files {
   }
 }
 
+/** The number of kinds of losses in words, such as colours or lists; an item may have several. */
 function leftOutWords(count) {
   if (!count) return "";
-  return count === 1
-    ? " 1 item cannot be represented in this format and is left out."
-    : ` ${count} items cannot be represented in this format and are left out.`;
+  return ` ${count} ${count === 1 ? "kind" : "kinds"} of values cannot be represented in this format and ${count === 1 ? "is" : "are"} left out.`;
 }
