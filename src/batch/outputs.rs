@@ -109,8 +109,7 @@ impl RenderedView {
                 "the volume is not of a DICOM series with UIDs, so an object of its picture belongs to no study",
             )
         })?;
-        let rgb = frame.color_rgba.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]);
-        let picture = CapturedPicture { size_px: frame.size_px, rgb: rgb.collect() };
+        let picture = CapturedPicture::of_rgba(frame.size_px, &frame.color_rgba);
         write_capture(&[picture], series, &CaptureOptions::of_view()).map_err(SeriesError::permanent)
     }
 

@@ -61,7 +61,7 @@ pub(super) struct SendArguments {
     #[arg(long, value_name = "RATE", default_value_t = 12.0, value_parser = parse_rate, requires = "multi_frame")]
     fps: f64,
     /// Description of the series of pictures
-    #[arg(long, value_name = "TEXT", default_value = "Relief 3D views", requires = "series")]
+    #[arg(long, value_name = "TEXT", default_value = CaptureOptions::DESCRIPTION, requires = "series")]
     description: String,
     /// Leave the patient out of objects made of pictures, and replace UIDs
     #[arg(long, requires = "series")]

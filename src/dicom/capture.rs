@@ -41,6 +41,15 @@ pub struct CaptureOptions {
     pub frame_ms: f64,
 }
 
+impl CapturedPicture {
+    /// The colours of a picture, without its coverage.
+    #[must_use]
+    pub fn of_rgba(size_px: [u32; 2], rgba: &[[u8; 4]]) -> Self {
+        let rgb = rgba.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]).collect();
+        Self { size_px, rgb }
+    }
+}
+
 impl CaptureOptions {
     /// Those of a single rendered view.
     #[must_use]

@@ -27,8 +27,8 @@ const STORES: usize = 4;
 /// Why an archive was not searched, or a series of it not loaded.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// Searches archives, retrieves their series, and stores results in them. All methods block. Clients see the messages of
-/// errors, so no message may have UIDs, patients or paths.
+/// Searches archives, retrieves their series, and stores results in them. All methods block. Clients
+/// see the messages of errors, so no message may have UIDs, patients or paths.
 pub trait SeriesArchives: Send + Sync {
     /// The names of the archives, in the order of the operator.
     fn names(&self) -> &[String];

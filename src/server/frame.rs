@@ -324,7 +324,7 @@ async fn pick(
     Ok(Json(found))
 }
 
-/// The picture of a scene with its annotations, in full quality.
+/// The picture of a scene with its annotations, within its budget of time.
 pub(super) async fn picture_of(
     pictures: &Pictures,
     entry: &VolumeEntry,
@@ -333,6 +333,7 @@ pub(super) async fn picture_of(
 ) -> Result<Arc<RenderedFrame>, Problem> {
     let mut scene = resolve(order, entry, SizeRule::Any)?;
     draw(pictures, entry, &mut scene, headers).await?;
+    within_budget(&pictures.engine, entry, &mut scene);
     Ok(render(pictures, entry, &scene).await?.frame)
 }
 

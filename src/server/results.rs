@@ -20,7 +20,6 @@ use super::problem::{Problem, parse};
 use super::query::{Query, SceneQuery};
 use super::state::Pictures;
 use relief_dicom::{CaptureOptions, CapturedPicture, SeriesReference, write_capture};
-use relief_render::RenderedFrame;
 use relief_session::{VolumeEntry, on_blocking_thread};
 
 /// A picture that is to be stored.
@@ -58,17 +57,14 @@ pub(super) async fn store_picture(
     };
     let frame =
         picture_of(&pictures, &entry, scene, &headers).await.map_err(|problem| query.blame(problem))?;
-    let job = move || write_capture(&[captured(&frame)], &series, &CaptureOptions::of_view());
+    let job = move || {
+        let picture = CapturedPicture::of_rgba(frame.size_px, &frame.color_rgba);
+        write_capture(&[picture], &series, &CaptureOptions::of_view())
+    };
     let object = pictures.engine.blocking("writing a picture as a DICOM object", job).await?;
     let object =
         object.map_err(|error| Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "not-storable", error))?;
     destination.store(object).await
-}
-
-/// The colours of a frame.
-fn captured(frame: &RenderedFrame) -> CapturedPicture {
-    let rgb = frame.color_rgba.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]);
-    CapturedPicture { size_px: frame.size_px, rgb: rgb.collect() }
 }
 
 /// The series that results belong to.

@@ -231,6 +231,18 @@ fn results_are_refused_without_the_option_and_the_scope() {
         String::from_utf8(made.stdout).unwrap().split_whitespace().last().unwrap().to_owned()
     };
     let [viewer, reader] = [token("viewer", "view"), token("reader", "annotate")];
+    let alone = folder.path().join("alone.nrrd");
+    let header = "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nencoding: raw\nendian: little\n\
+                  space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n\
+                  space origin: (0,0,0)\n\n";
+    std::fs::write(&alone, [header.as_bytes(), &[1; 2 * 64]].concat()).unwrap();
+    let of_no_study = ["--series", alone.to_str().unwrap(), "--archive-results"];
+    let (_process, address) = searching(&orthanc, folder.path(), &of_no_study);
+    until("the volume is served", || volumes(&address).len() == 1);
+    let unrelated = format!("/v1/volumes/{}/frame/store?size_px=64,48", volumes(&address)[0]);
+    let answer = post(&address, &unrelated, &json!({ "archive": "pacs" }));
+    assert_eq!((answer.status, &answer.json()["code"]), (422, &json!("no-study")));
+
     let guarded = ["--archive-results", "--token-file", tokens.to_str().unwrap()];
     let (_process, address) = searching(&orthanc, folder.path(), &[&series[..], &guarded].concat());
     let stored = |token: &str| {

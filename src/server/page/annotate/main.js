@@ -200,7 +200,8 @@ onKeys(page);
 
 async function exportAs() {
   const sets = [...new Set([...model.items.values()].map(({ item }) => item.set))].sort();
-  const choice = await askExport(sets, model.set, await archivesForResults());
+  const archives = await archivesForResults().catch(fail);
+  const choice = archives && (await askExport(sets, model.set, archives));
   if (choice) await files.save(choice);
 }
 
