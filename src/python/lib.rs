@@ -9,17 +9,23 @@
 mod annotations;
 mod error;
 mod frame;
+mod live;
 mod renderers;
 mod volume;
 
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use relief_volume::PRESETS;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ReliefError", module.py().get_type::<error::ReliefError>())?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
+    module.add("PRESETS", PyTuple::new(module.py(), PRESETS.iter().map(|preset| preset.name))?)?;
     module.add_class::<volume::Volume>()?;
     module.add_class::<frame::Frame>()?;
+    module.add_class::<live::LiveSession>()?;
     module.add_function(wrap_pyfunction!(volume::open_volume, module)?)?;
     module.add_function(wrap_pyfunction!(volume::phantom, module)?)?;
     module.add_function(wrap_pyfunction!(annotations::read_annotations, module)?)?;

@@ -83,6 +83,13 @@ pub(crate) fn phantom(py: Python<'_>, kind: &str, size: usize) -> PyResult<Volum
     Ok(py.detach(move || Volume { volume: recipe.make().volume, warnings: Vec::new() }))
 }
 
+impl Volume {
+    /// The volume; voxels are shared.
+    pub(crate) fn clone_volume(&self) -> relief_volume::Volume {
+        self.volume.clone()
+    }
+}
+
 #[pymethods]
 impl Volume {
     /// A volume of an array of HU, [k, j, i], which is copied.

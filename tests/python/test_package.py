@@ -243,6 +243,9 @@ class Annotations(Series):
         new = relief.Annotation.point("inion", (3, 4, 5), author="anna")
         relief.write_annotations([new], self.path / "new.fcsv", "fcsv")
         self.assertEqual(relief.read_annotations(self.path / "new.fcsv")[0].position_mm, (3.0, 4.0, 5.0))
+        many = [relief.Annotation.point(name, (0, 0, 0), author="anna") for name in "zyxwvuabc"]
+        relief.write_annotations(many, self.path / "many.mrk.json", "mrk.json")
+        self.assertEqual("".join(one.name for one in relief.read_annotations(self.path / "many.mrk.json")), "zyxwvuabc")
         relief.write_annotations(found, self.path / "again.csv", "csv")
         again = relief.read_annotations(self.path / "again.csv")
         self.assertEqual([one.position_mm for one in again], [one.position_mm for one in found])

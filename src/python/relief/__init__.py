@@ -29,8 +29,11 @@ from ._native import ReliefError
 if TYPE_CHECKING:
     import nibabel
 
+    from ._viewer import Viewer
+
 __all__ = [
-    "Annotation", "Frame", "ReliefError", "Volume", "annotations_table", "open", "phantom", "read_annotations", "write_annotations",
+    "Annotation", "Frame", "ReliefError", "Viewer", "Volume", "annotations_table", "open", "phantom", "read_annotations",
+    "write_annotations",
 ]
 __version__ = _native.VERSION
 
@@ -279,3 +282,12 @@ def open(  # noqa: A001
 def phantom(kind: str = "head", size: int = 128) -> Volume:
     """A procedural volume with known truth: head, sphere, slab, ramp or axes, `size` voxels across."""
     return Volume(_native.phantom(kind, size))
+
+
+def __getattr__(name: str) -> Any:
+    """`Viewer` needs packages that the rest does not need."""
+    if name != "Viewer":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from ._viewer import Viewer
+
+    return Viewer

@@ -70,8 +70,9 @@ def read_annotations(path: str | os.PathLike[str], format: Optional[str] = None)
 
 
 def write_annotations(annotations: Iterable[Annotation], path: str | os.PathLike[str], format: str) -> list[str]:
-    """Writes a file in a format such as mrk.json, fcsv or csv; gives what the format cannot represent."""
-    data, left_out = _native.write_annotations(json.dumps([annotation.item for annotation in annotations]), format)
+    """Writes a file in a format such as mrk.json, fcsv or csv, in this order; gives what the format cannot represent."""
+    items = [{**annotation.item, "order": order} for order, annotation in enumerate(annotations)]
+    data, left_out = _native.write_annotations(json.dumps(items), format)
     with open(path, "wb") as file:
         file.write(data)
     return left_out

@@ -122,6 +122,9 @@ impl Presentation {
         if let Some(entry) = entry {
             next.take_volume(entry);
         }
+        if settings.preset.is_some() {
+            drop_reflection(&mut next.patch); // that of this message stays
+        }
         if let Some(patch) = &settings.scene {
             for (key, instead) in ELSEWHERE {
                 if patch.contains_key(key) {
@@ -180,6 +183,7 @@ impl Presentation {
         next.preset = preset.map(str::to_owned);
         if preset.is_some() {
             next.patch.remove("transfer");
+            drop_reflection(&mut next.patch);
         }
         next.resolved()
     }
@@ -302,11 +306,14 @@ fn resolve(
     size_px: Option<[u32; 2]>,
     preset: Option<&str>,
 ) -> Result<Arc<Scene>, LiveError> {
-    let mut file = SceneFile::from_value(&Value::Object(patch.clone()))?;
+    let mut patch = patch.clone();
+    if let Some(name) = preset {
+        patch.insert("transfer".to_owned(), name.into());
+    }
+    let mut file = SceneFile::from_value(&Value::Object(patch))?;
     // The cursor moves with every frame.
     file = file.with_display(display.with_cursor(None));
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
-    file = preset.map_or(file.clone(), |name| file.with_preset(name));
     // The camera is the view's own, so this one is not fitted.
     let subject = Subject { occupancy: None, ..entry.subject() };
     let scene = file.resolve_for(&subject, &Orbit::default())?;
@@ -333,6 +340,13 @@ fn stage_of(entry: &VolumeEntry, base: &Scene) -> Result<Stage, LiveError> {
             stage.framed(entry.framing.center(), radius_mm, entry.framing.narrowest_aspect())
         }
     })
+}
+
+/// Removes how surfaces reflect light, which a preset brings along; shadows and occlusion stay.
+fn drop_reflection(patch: &mut Map<String, Value>) {
+    if let Some(Value::Object(shading)) = patch.get_mut("shading") {
+        shading.retain(|key, _| matches!(key.as_str(), "shadows" | "occlusion"));
+    }
 }
 
 /// Applies a JSON merge patch (RFC 7396).
@@ -363,6 +377,9 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::{LoadedVolume, Volumes};
+    use relief_render::Shading;
+    use relief_volume::{PhantomKind, PhantomRecipe};
 
     /// The examples of RFC 7396, appendix A, whose target is an object.
     #[test]
@@ -384,5 +401,27 @@ mod tests {
             merge(&mut merged, &patch);
             assert_eq!(Value::Object(merged), result);
         }
+    }
+
+    #[test]
+    fn light_set_after_a_preset_counts_until_the_next_preset() {
+        let volume = PhantomRecipe::new(PhantomKind::Head).with_size(16).unwrap().make().volume;
+        let loaded = LoadedVolume { volume, warnings: 0, identity: None, reference: None, labels: None };
+        let volumes = Volumes::within(u64::MAX);
+        volumes.add_own(loaded, None).unwrap();
+        let settings = |json: Value| serde_json::from_value::<Settings>(json).unwrap();
+        let after = |before: &Presentation, json| before.with(&settings(json), None, None).unwrap();
+        let shading = |shown: &Presentation| shown.base.request.shading;
+
+        let skin = settings(json!({ "preset": "skin" }));
+        let skin = Presentation::new(volumes.first().unwrap(), &skin, None).unwrap();
+        let light = json!({ "shading": { "ambient": 0.9, "diffuse": 0.1 } });
+        let lit = after(&skin, json!({ "scene": light }));
+        let expected = Shading { ambient: 0.9, diffuse: 0.1, ..shading(&skin) };
+        assert!(expected != shading(&skin));
+        assert_eq!((shading(&lit), lit.preset.as_deref()), (expected, Some("skin")));
+        assert_eq!(shading(&after(&lit, json!({ "preset": "skin" }))), shading(&skin));
+        assert_eq!(shading(&lit.with_preset(Some("skin")).unwrap()), shading(&skin));
+        assert_eq!(shading(&after(&skin, json!({ "preset": "skin", "scene": light }))), expected);
     }
 }
