@@ -1,6 +1,7 @@
 //! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any
 //! thread.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -21,6 +22,9 @@ struct HandleState {
     waiting: Notify,
     stop: watch::Sender<bool>,
     start: Instant,
+    /// Whether poses are those of a tool without buttons, and whether its button is held elsewhere.
+    has_tool: AtomicBool,
+    holds_tool: AtomicBool,
 }
 
 impl Default for Handle {
@@ -38,6 +42,8 @@ impl Handle {
             waiting: Notify::new(),
             stop: watch::Sender::new(false),
             start: Instant::now(),
+            has_tool: AtomicBool::new(false),
+            holds_tool: AtomicBool::new(false),
         }))
     }
 
@@ -80,6 +86,23 @@ impl Handle {
         self.put(|outbox| outbox.ack(connection, sequence, t_ns));
     }
 
+    /// Says that poses are those of a tracked tool, which has no buttons of its own.
+    pub fn attach_tool(&self) {
+        self.0.has_tool.store(true, Ordering::Relaxed);
+    }
+
+    /// Holds or releases the button of the tracked tool, in its place; `false` without a tool.
+    pub fn hold_tool(&self, is_held: bool) -> bool {
+        self.0.holds_tool.store(is_held, Ordering::Relaxed);
+        self.0.has_tool.load(Ordering::Relaxed)
+    }
+
+    /// Whether the button of the tracked tool is held.
+    #[must_use]
+    pub fn is_tool_held(&self) -> bool {
+        self.0.holds_tool.load(Ordering::Relaxed)
+    }
+
     /// Ends the session, for good.
     pub fn stop(&self) {
         self.0.stop.send_replace(true);
@@ -117,5 +140,19 @@ impl Handle {
         let put = put(&mut self.outbox());
         self.0.waiting.notify_one();
         put
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_tool_that_is_there_is_held() {
+        let handle = Handle::new();
+        assert!(!handle.hold_tool(true));
+        handle.attach_tool();
+        assert!(handle.hold_tool(true) && handle.is_tool_held());
+        assert!(handle.hold_tool(false) && !handle.is_tool_held());
     }
 }

@@ -4,8 +4,10 @@
 //! (`UDP over network`). [`DisplayGeometry`] says where that place is in the space of the screen: the origin is the
 //! centre of the screen, x to the right and y up for the viewer, z towards the viewer, mm.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+
+use crate::pose::SensorPose;
 
 /// Size of a datagram of OpenTrack, bytes: six numbers of 64 bits, little-endian.
 pub const OPENTRACK_BYTES: usize = 48;
@@ -97,16 +99,31 @@ impl DisplayGeometry {
         let screen_from_tracker =
             Rotation3::from_axis_angle(&Vector3::x_axis(), self.tracker_pitch_deg.to_radians());
         let middle = Vector3::from(self.rest_mm) + screen_from_tracker * head.position_mm;
-        let [yaw, pitch, roll] = head.angles_deg.map(f64::to_radians);
-        let tracker_from_head = Rotation3::from_axis_angle(&Vector3::y_axis(), yaw)
-            * Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
-            * Rotation3::from_axis_angle(&Vector3::z_axis(), -roll);
-        let half = screen_from_tracker * tracker_from_head * Vector3::x() * (self.eye_separation_mm / 2.0);
+        let half =
+            screen_from_tracker * head.tracker_from_head() * Vector3::x() * (self.eye_separation_mm / 2.0);
         [middle - half, middle + half]
     }
 }
 
 impl HeadPose {
+    /// From the axes of the head (x right, y up, z away from the screen) to those of the tracker.
+    fn tracker_from_head(&self) -> Rotation3<f64> {
+        let [yaw, pitch, roll] = self.angles_deg.map(f64::to_radians);
+        Rotation3::from_axis_angle(&Vector3::y_axis(), yaw)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)
+            * Rotation3::from_axis_angle(&Vector3::z_axis(), -roll)
+    }
+
+    /// The same movement of a pointer in the hand, which has the axes of a Wiimote: x right, y down,
+    /// z forward.
+    #[must_use]
+    pub fn pointer(&self) -> SensorPose {
+        let head_from_pointer = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let orientation =
+            UnitQuaternion::from_rotation_matrix(&(self.tracker_from_head() * head_from_pointer));
+        SensorPose { position: self.position_mm, orientation }
+    }
+
     /// A datagram of OpenTrack: x, y, z in cm, yaw, pitch, roll in degrees.
     ///
     /// # Errors
@@ -170,6 +187,19 @@ mod tests {
         let [left, right] = eyes([0.0, 0.0, 0.0, 0.0, 40.0, 0.0], &geometry);
         assert_near(left, [-30.0, 0.0, 600.0]);
         assert_near(right, [30.0, 0.0, 600.0]);
+    }
+
+    #[test]
+    fn a_pointer_has_the_axes_of_a_wiimote() {
+        let pointer = |numbers| HeadPose::from_opentrack(&datagram(numbers)).unwrap().pointer();
+        let rest = pointer([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]);
+        assert_near(rest.position, [10.0, 20.0, 30.0]);
+        // Forward is towards the screen, against z; down is against y.
+        assert_near(rest.orientation * Vector3::z(), [0.0, 0.0, -1.0]);
+        assert_near(rest.orientation * Vector3::y(), [0.0, -1.0, 0.0]);
+        // Turned to the left it points to the left, nodding upwards it points up.
+        assert_near(pointer([0.0, 0.0, 0.0, 90.0, 0.0, 0.0]).orientation * Vector3::z(), [-1.0, 0.0, 0.0]);
+        assert_near(pointer([0.0, 0.0, 0.0, 0.0, 90.0, 0.0]).orientation * Vector3::z(), [0.0, 1.0, 0.0]);
     }
 
     #[test]

@@ -80,6 +80,39 @@ async fn a_spacemouse_turns_the_view_moves_the_cursor_and_places() {
     assert_eq!(next_intent(&mut socket).await, Intent::Pan { right: 0.8 * 0.02, up: 0.0 });
 }
 
+/// Invariant: A tracker behind OpenTrack moves the hand of a view, and is lost when it is silent.
+#[tokio::test]
+async fn datagrams_of_opentrack_are_the_poses_of_a_hand() {
+    let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let source = format!("opentrack:127.0.0.1:{port}");
+    let (_client, mut socket) = connected(&["--pointer", &source]).await;
+    let sender = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    // x, y, z in cm; yaw, pitch, roll in degrees.
+    let datagram: Vec<u8> =
+        [1.5, -2.0, 30.0, 90.0, 0.0, 0.0].iter().flat_map(|n: &f64| n.to_le_bytes()).collect();
+    let (position, [x, y, z, w]) = loop {
+        sender.send_to(b"nothing", ("127.0.0.1", port)).unwrap();
+        sender.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+        if let Some(ClientMessage::Pose(message)) = next(&mut socket).await
+            && let PoseKind::Remote(remote) = message.what
+            && let Some(pose) = remote.pose
+        {
+            assert!(remote.buttons.is_empty());
+            break pose;
+        }
+    };
+    assert_eq!(position, [15.0, -20.0, 300.0]);
+    let forward = glam::DQuat::from_xyzw(x, y, z, w) * glam::DVec3::Z;
+    assert!((forward - glam::DVec3::NEG_X).length() < 1e-9, "{forward}");
+    while !matches!(
+        next(&mut socket).await,
+        Some(ClientMessage::Pose(Pose {
+            what: PoseKind::Remote(RemotePose { state: TrackingState::Lost, .. }),
+            ..
+        }))
+    ) {}
+}
+
 #[test]
 fn a_spacenavd_that_is_not_there_is_an_error() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));

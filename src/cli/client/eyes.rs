@@ -35,7 +35,8 @@ impl EyesArguments {
     }
 }
 
-fn source(text: &str) -> Result<SocketAddr, String> {
+/// The address of a source of OpenTrack.
+pub(super) fn source(text: &str) -> Result<SocketAddr, String> {
     let allowed =
         || "sources are opentrack and opentrack:ADDRESS:PORT, such as opentrack:0.0.0.0:4242".to_owned();
     match text.strip_prefix("opentrack").ok_or_else(allowed)? {

@@ -20,7 +20,7 @@ use crate::link::LinkState;
 use crate::marks::Marks;
 use crate::place::PicturePlace;
 use relief_display::{Frame, Layout, Pixels};
-use relief_live::Intent;
+use relief_live::{Intent, PlacePhase};
 
 type Pane = Surface<OwnedDisplayHandle, Rc<Window>>;
 
@@ -266,6 +266,9 @@ impl ApplicationHandler<SessionEvent> for App {
             WindowEvent::MouseWheel { delta, .. } => self.say(Input::wheel(delta)),
             WindowEvent::KeyboardInput { event, .. } => {
                 match Input::key(&event.logical_key, event.state, event.repeat) {
+                    // A tracked tool is steadied while its button is held.
+                    Some(Meaning::Intent(Intent::Place { phase }))
+                        if self.handle.hold_tool(phase == PlacePhase::Take) => {}
                     Some(Meaning::Intent(intent)) => self.say(Some(intent)),
                     Some(Meaning::Fullscreen) => self.toggle_fullscreen(),
                     Some(Meaning::Quit) => events.exit(),

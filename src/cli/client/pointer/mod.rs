@@ -1,11 +1,14 @@
 //! `relief client --pointer`: input devices beside the Wiimote, through the same poses and intents.
 
+mod opentrack;
 #[cfg(unix)]
 mod spacemouse;
 mod tracker;
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use crate::client::eyes;
 use relief_client::Handle;
 
 /// Where spacenavd listens.
@@ -13,8 +16,10 @@ const SPACENAVD: &str = "/var/run/spnav.sock";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PointerArguments {
-    /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, or igtl:HOST:PORT[/DEVICE],
-    /// a tracker that sends OpenIGTLink transforms
+    /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, igtl:HOST:PORT[/DEVICE], a
+    /// tracker that sends OpenIGTLink transforms, opentrack or opentrack:ADDRESS:PORT, one that
+    /// sends OpenTrack's output "UDP over network" to 127.0.0.1:4242 or another address of this
+    /// machine. The space bar is the button A of a tracker's tool
     #[arg(long, value_name = "SOURCE", value_parser = parse, conflicts_with_all = ["measure", "replay"])]
     pointer: Option<Pointer>,
     /// Axes of the tracker and of its tool: JSON with display_from_tracker and tool_from_pointer, rows
@@ -30,6 +35,8 @@ enum Pointer {
     SpaceMouse(PathBuf),
     /// A server of OpenIGTLink, and the name of the device in it.
     Igtl { address: String, device: Option<String> },
+    /// Where OpenTrack sends to.
+    OpenTrack(SocketAddr),
 }
 
 impl PointerArguments {
@@ -57,7 +64,10 @@ fn parse(text: &str) -> Result<Pointer, String> {
             return Ok(Pointer::Igtl { address: address.to_owned(), device: device.map(str::to_owned) });
         }
     }
-    Err("pointers are spacemouse, spacemouse:SOCKET and igtl:HOST:PORT[/DEVICE]".to_owned())
+    if text.starts_with("opentrack") {
+        return eyes::source(text).map(Pointer::OpenTrack);
+    }
+    Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE] and opentrack[:ADDRESS:PORT]".to_owned())
 }
 
 /// Starts reading, on a thread that ends with the session.
@@ -66,7 +76,7 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
         None => Ok(()),
         Some(Pointer::SpaceMouse(socket)) => {
             if arguments.tracker_geometry.is_some() {
-                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl:HOST:PORT)");
+                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl:HOST:PORT or opentrack)");
             }
             #[cfg(unix)]
             return spacemouse::start(socket, handle);
@@ -75,7 +85,13 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
         }
         Some(Pointer::Igtl { address, device }) => {
             let placement = tracker::placement(arguments.tracker_geometry.as_deref())?;
+            handle.attach_tool();
             tracker::start(address, device.clone(), placement, handle)
+        }
+        Some(Pointer::OpenTrack(address)) => {
+            let placement = tracker::placement(arguments.tracker_geometry.as_deref())?;
+            handle.attach_tool();
+            opentrack::start(*address, placement, handle)
         }
     }
 }
@@ -94,6 +110,9 @@ mod tests {
         };
         assert_eq!(parse("igtl:plus:18944"), Ok(igtl("plus:18944", None)));
         assert_eq!(parse("igtl:[::1]:18944/Stylus"), Ok(igtl("[::1]:18944", Some("Stylus"))));
+        assert_eq!(parse("opentrack"), Ok(Pointer::OpenTrack(SocketAddr::from(([127, 0, 0, 1], 4242)))));
+        let other = SocketAddr::from(([0, 0, 0, 0], 5000));
+        assert_eq!(parse("opentrack:0.0.0.0:5000"), Ok(Pointer::OpenTrack(other)));
         for wrong in [
             "",
             "spacemouse:",
@@ -104,6 +123,8 @@ mod tests {
             "igtl:plus:x",
             "igtl:plus:1/",
             "mouse",
+            "opentrack:",
+            "opentrack:4242",
         ] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }

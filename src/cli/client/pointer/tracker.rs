@@ -9,11 +9,12 @@ use anyhow::Context;
 use relief_client::Handle;
 use relief_live::{PoseKind, RemotePose};
 use relief_tracking::{
-    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, ToolPlacement, TrackerGeometry, TrackingState, igtl_pose,
+    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, SensorPose, ToolPlacement, TrackerGeometry, TrackingState,
+    igtl_pose,
 };
 
 /// After this time without a transform the tool counts as lost.
-const SILENT: Duration = Duration::from_millis(500);
+pub(super) const SILENT: Duration = Duration::from_millis(500);
 /// Longest time for connecting, and the pause before the next attempt.
 const CONNECT: Duration = Duration::from_secs(5);
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
@@ -51,7 +52,7 @@ pub(super) fn start(
             if let Err(error) = relay(stream, device.as_deref(), &placement, &handle) {
                 eprintln!("the tracker at {address}: {error}; connecting again");
             }
-            lose(&handle);
+            send(&handle, None);
         }
     };
     std::thread::Builder::new().name("tracker".to_owned()).spawn(read)?;
@@ -69,9 +70,12 @@ fn connect(address: &str) -> std::io::Result<TcpStream> {
     Err(last)
 }
 
-fn lose(handle: &Handle) {
-    let lost = RemotePose { state: TrackingState::Lost, pose: None, buttons: Vec::new() };
-    handle.pose(handle.now_ns(), PoseKind::Remote(lost));
+/// Sends the pose of the pointer, `None` for a lost one, with the button that is held for it.
+pub(super) fn send(handle: &Handle, pointer: Option<SensorPose>) {
+    let state = if pointer.is_some() { TrackingState::Tracking } else { TrackingState::Lost };
+    let pose = pointer.map(|pointer| (pointer.position.into(), pointer.orientation_xyzw()));
+    let buttons = if handle.is_tool_held() { vec!["a".to_owned()] } else { Vec::new() };
+    handle.pose(handle.now_ns(), PoseKind::Remote(RemotePose { state, pose, buttons }));
 }
 
 /// Reads messages until the connection or the session ends.
@@ -86,7 +90,7 @@ fn relay(
     while fill(&mut stream, &mut head, handle)? {
         // Other tools and pictures may go on while this tool is out of sight.
         if seen.is_some_and(|seen| seen.elapsed() > SILENT) {
-            lose(handle);
+            send(handle, None);
             seen = None;
         }
         let header = match IgtlHeader::decode(&head) {
@@ -106,13 +110,7 @@ fn relay(
         }
         match igtl_pose(&header, &body) {
             Ok(Some(pose)) => {
-                let pointer = placement.place(&pose);
-                let kind = PoseKind::Remote(RemotePose {
-                    state: TrackingState::Tracking,
-                    pose: Some((pointer.position.into(), pointer.orientation_xyzw())),
-                    buttons: Vec::new(),
-                });
-                handle.pose(handle.now_ns(), kind);
+                send(handle, Some(placement.place(&pose)));
                 seen = Some(Instant::now());
             }
             Ok(None) => {}
@@ -138,7 +136,7 @@ fn fill(stream: &mut TcpStream, buffer: &mut [u8], handle: &Handle) -> std::io::
             Err(error)
                 if matches!(error.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) =>
             {
-                lose(handle);
+                send(handle, None);
             }
             Err(error) => return Err(error),
         }
