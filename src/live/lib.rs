@@ -33,8 +33,8 @@ pub use messages::{
 
 pub use interaction::{
     AppliedIntent, CursorMark, CutPlane, DisplayedPicture, Gestures, GrabMode, HandOptions, HandPose,
-    HandSample, Home, Intent, IntentEffect, IntentError, Pivot, PlacePhase, Stage, StageError, ViewRecord,
-    ViewState,
+    HandSample, Home, Intent, IntentEffect, IntentError, Pivot, PlacePhase, SPACENAV_EVENT_BYTES,
+    SpaceMouseEvent, Stage, StageError, ViewRecord, ViewState,
 };
 
 /// The WebSocket subprotocol.

@@ -18,7 +18,7 @@ mod capacity;
 mod error;
 
 pub use crate::accuracy::report::WayReport;
-pub use accuracy::{AccuracyReport, AccuracySettings, measure_accuracy};
+pub use accuracy::{AccuracyReport, AccuracySettings, PointerKind, measure_accuracy};
 pub use agreement::{
     Absence, Agreement, AgreementError, BlandAltman, Comparison, Ellipsoid, ErrorSummary, Figure, Icc,
     Landmark, MeasureRow, Missing, Pairing, Placed, Reading, ReadingErrors, ReadingMeasures, Relation, Study,

@@ -10,6 +10,30 @@ use std::process::Command;
 
 use serde_json::Value;
 
+/// Invariant: In the simulation, the median error of landmarks on the head is at most 0.7 mm with
+/// every pointer and snapping.
+#[test]
+#[ignore = "takes minutes: it runs in scripts/test --all"]
+fn every_pointer_places_within_seven_tenths_of_a_millimetre() {
+    let pointers = "wiimote,tracker,opentrack,spacemouse,phone";
+    let arguments = ["annotate", "accuracy", "--pointer", pointers, "--cut", "--seed", "1", "--json"];
+    let done = Command::new(env!("CARGO_BIN_EXE_relief")).args(arguments).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let ways = report["ways"].as_array().unwrap();
+    for pointer in pointers.split(',') {
+        let snapped: Vec<_> = ways
+            .iter()
+            .filter(|way| way["pointer"] == pointer && way["mapping"] == "default" && way["snap"] != "none")
+            .collect();
+        assert!(snapped.len() >= 2, "{pointer}");
+        for way in snapped {
+            println!("{pointer}, {}, {}: {} mm", way["way"], way["snap"], way["median_mm"]);
+            assert!(way["median_mm"].as_f64().unwrap() <= 0.7, "{way}");
+        }
+    }
+}
+
 /// Invariant: In the simulation, the median error of landmarks on the head is below a millimetre,
 /// with the default mapping and snapping.
 #[test]

@@ -36,12 +36,15 @@ fn a_phone_turns_points_and_places() {
     assert!(apart < 0.1, "{turn} is {apart} degrees from {expected}");
 
     // Across the line of sight, because the surface is steep there: a pixel has 0.6 mm.
-    let [pointed, clicked] =
-        ["pointed", "clicked"].map(|state| DVec3::from_slice(&numbers(&open[state]["cursor_mm"])));
-    let apart = patient_from_view(&open["clicked"]).inverse() * (pointed - clicked);
-    assert!(apart.truncate().length() < 0.6, "the phone's cursor is {apart} mm from that of a click");
+    for [by_phone, by_click] in [["pointed", "clicked"], ["steadied", "clicked_above"]] {
+        let cursor = |state: &str| DVec3::from_slice(&numbers(&open[state]["cursor_mm"]));
+        let apart = cursor(by_phone) - cursor(by_click);
+        let apart = patient_from_view(&open["clicked"]).inverse() * apart;
+        assert!(apart.truncate().length() < 0.6, "{by_phone}: {apart} mm from the cursor of a click");
+    }
     let placed = open["placed"].as_array().unwrap();
     assert_eq!(placed.len(), 1, "{placed:?}: {}", open["said"]);
+    assert_eq!(open["count"], 3, "one with Place held, one by a key");
 
     let guarded = &seen["guarded"];
     assert_eq!((&guarded["has_ticket"], &guarded["is_read"]), (&json!(true), &json!(true)), "{guarded}");

@@ -52,6 +52,7 @@ mod gestures;
 mod grab;
 mod hand;
 mod intent;
+mod spacemouse;
 mod stage;
 mod view;
 
@@ -59,5 +60,6 @@ pub use apply::{AppliedIntent, IntentEffect};
 pub use gestures::Gestures;
 pub use hand::{HandOptions, HandPose, HandSample};
 pub use intent::{GrabMode, Intent, IntentError, Pivot, PlacePhase};
+pub use spacemouse::{SPACENAV_EVENT_BYTES, SpaceMouseEvent};
 pub use stage::{Home, Stage, StageError};
 pub use view::{CursorMark, CutPlane, DisplayedPicture, ViewRecord, ViewState};

@@ -12,7 +12,7 @@ use relief_volume::{Camera, Orbit, PhantomLandmark, Projection, Volume};
 
 /// The picture, and how much of the patient it shows: the user came closer.
 const SIZE_PX: [u32; 2] = [960, 540];
-const HEIGHT_MM: f64 = 120.0;
+pub(super) const HEIGHT_MM: f64 = 120.0;
 const EYE_MM: f64 = 600.0;
 
 /// A view shows a landmark where its picture is no farther from it than this, mm.

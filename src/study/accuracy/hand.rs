@@ -36,8 +36,8 @@ const SEES_S: [f64; 2] = [0.3, 0.1];
 /// that in depth.
 const SIGHT_MM: [f64; 3] = [0.25, 0.25, 0.5];
 /// The part of that by which the user moves the hand, for how long, and how well.
-const CORRECTS: f64 = 0.7;
-const MOVES_S: f64 = 0.25;
+pub(super) const CORRECTS: f64 = 0.7;
+pub(super) const MOVES_S: f64 = 0.25;
 const CLUMSY: f64 = 0.1;
 /// The cursor begins so far off, mm at most along each axis.
 const FROM_MM: f64 = 30.0;
@@ -46,8 +46,10 @@ const FROM_MM: f64 = 30.0;
 /// a maximum, and releases it.
 const PRESS_MM: f64 = 2.0;
 const PRESS_S: [f64; 2] = [1.5, 3.5];
-const LET_GO_MM: f64 = 0.5;
+pub(super) const LET_GO_MM: f64 = 0.5;
 const LET_GO_S: [f64; 2] = [1.0, 3.0];
+/// How long a hand is recorded.
+pub(super) const SECONDS: f64 = PRESS_S[1] + LET_GO_S[1] + 1.0;
 
 /// The hand and its tremor, and how far from the beacon.
 #[derive(Clone, Copy, Debug)]
@@ -68,13 +70,13 @@ struct Tremor {
 }
 
 /// A hand that wants to rest.
-struct RestingHand {
+pub(super) struct RestingHand {
     rest: SensorPose,
     waves: Vec<Tremor>,
 }
 
 impl RestingHand {
-    fn new(rest: SensorPose, tremor_g: f64, random: &mut Random) -> Self {
+    pub(super) fn new(rest: SensorPose, tremor_g: f64, random: &mut Random) -> Self {
         let mut waves = Vec::new();
         for axis in 0..6 {
             for hertz in TREMOR_HZ {
@@ -111,7 +113,7 @@ impl SensorPath for RestingHand {
 }
 
 /// The tracker's poses of a hand that no user steers.
-type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
+pub(super) type Tracked = Vec<(u64, TrackingState, Option<SensorPose>)>;
 
 /// For each of `count` placings, and each mapping: how far from the place that was meant the cursor
 /// was set down, mm along view axes.
@@ -142,50 +144,94 @@ pub(super) fn place(
             };
             let mut tracker = Tracker::new(camera, beacon.clone(), TrackerOptions::default());
             let path = RestingHand::new(rest, tremor_g, &mut Random::new(own));
-            let seconds = PRESS_S[1] + LET_GO_S[1] + 1.0;
             let mut tracked = Tracked::new();
-            for made in simulation.record(&path, seconds) {
+            for made in simulation.record(&path, SECONDS) {
                 tracked.extend(
                     tracker
                         .push(made.t_ns, &made.report)
                         .map(|sample| (sample.t_ns, sample.state, sample.pose)),
                 );
             }
-            mappings.iter().map(|mapping| User::new(mapping, own)?.place(&tracked)).collect()
+            mappings.iter().map(|mapping| place_tracked(&tracked, mapping, own)).collect()
         })
         .collect()
+}
+
+/// How far off the cursor is when it is set down with a tracked hand.
+///
+/// # Errors
+/// When the mapping is invalid, or the hand is not tracked.
+pub(super) fn place_tracked(
+    tracked: &Tracked,
+    mapping: &HandOptions,
+    seed: u64,
+) -> Result<DVec3, StudyError> {
+    User::new(mapping, seed)?.place(tracked)
+}
+
+/// The eyes of a user, and where the cursor is to be.
+pub(super) struct Watcher {
+    pub(super) random: Random,
+    pub(super) wanted: DVec3,
+    /// The cursor, and when it was there, s.
+    shown: Vec<(f64, DVec3)>,
+    looked_s: f64,
+}
+
+impl Watcher {
+    pub(super) fn new(seed: u64) -> Self {
+        let mut random = Random::new(seed ^ 0x5eed);
+        let wanted = DVec3::from(std::array::from_fn(|_| random.between(-FROM_MM, FROM_MM)));
+        Self { random, wanted, shown: Vec::new(), looked_s: 0.0 }
+    }
+
+    /// How far the cursor seems to be from where it is to be; `None` between two looks.
+    pub(super) fn watch(&mut self, now: f64, cursor: DVec3) -> Option<DVec3> {
+        self.shown.push((now, cursor));
+        if now - self.looked_s < LOOKS_S {
+            return None;
+        }
+        self.looked_s = now;
+        let seen = |at: f64| (now - SEES_S[0]..=now - SEES_S[1]).contains(&at);
+        let places: Vec<DVec3> =
+            self.shown.iter().filter(|(at, _)| seen(*at)).map(|(_, place)| *place).collect();
+        let mean = places.iter().sum::<DVec3>() / places.len() as f64;
+        let blur = DVec3::from(SIGHT_MM.map(|sight| sight * self.random.normal()));
+        (!places.is_empty()).then(|| self.wanted - mean + blur)
+    }
+
+    /// A movement as the hand makes it.
+    pub(super) fn clumsily(&mut self, movement: DVec3) -> DVec3 {
+        movement + DVec3::from([0; 3].map(|_| self.random.normal())) * (CLUMSY * movement.length())
+    }
+}
+
+/// Where a hand has been led by now: smoothly from one place to another, from `since` on.
+pub(super) fn led([from, to]: [DVec3; 2], since: f64, now: f64) -> DVec3 {
+    let share = ((now - since) / MOVES_S).clamp(0.0, 1.0);
+    from.lerp(to, share * share * (3.0 - 2.0 * share))
 }
 
 /// A user who watches the cursor and steers it.
 struct User<'a> {
     mapping: &'a HandOptions,
     gestures: Gestures,
-    random: Random,
-    /// Where the cursor is to be.
-    wanted: DVec3,
-    /// The cursor, and when it was there, s.
-    shown: Vec<(f64, DVec3)>,
+    watcher: Watcher,
     cursor: DVec3,
     /// The hand's way: from where to where, since when.
     way: (DVec3, DVec3, f64),
-    looked_s: f64,
     /// Since when A is held.
     pressed_s: Option<f64>,
 }
 
 impl<'a> User<'a> {
     fn new(mapping: &'a HandOptions, seed: u64) -> Result<Self, StudyError> {
-        let mut random = Random::new(seed ^ 0x5eed);
-        let wanted = DVec3::from(std::array::from_fn(|_| random.between(-FROM_MM, FROM_MM)));
         Ok(Self {
             mapping,
             gestures: Gestures::new(mapping.clone())?,
-            random,
-            wanted,
-            shown: Vec::new(),
+            watcher: Watcher::new(seed),
             cursor: DVec3::ZERO,
             way: (DVec3::ZERO, DVec3::ZERO, 0.0),
-            looked_s: 0.0,
             pressed_s: None,
         })
     }
@@ -204,12 +250,7 @@ impl<'a> User<'a> {
             });
             let intents = self.gestures.track(&HandSample { t_ns: *t_ns, state: *state, pose });
             self.follow(&intents);
-            self.shown.push((now, self.cursor));
-            if now - self.looked_s < LOOKS_S {
-                continue;
-            }
-            self.looked_s = now;
-            let Some(off) = self.look(now) else { continue };
+            let Some(off) = self.watcher.watch(now, self.cursor) else { continue };
             let is_due = |since: f64, [least, most]: [f64; 2], near: f64| {
                 now - since >= least && (off.length() <= near || now - since >= most)
             };
@@ -225,7 +266,7 @@ impl<'a> User<'a> {
             let intents = self.gestures.hold(*t_ns, buttons);
             self.follow(&intents);
             if intents.contains(&Intent::Place { phase: PlacePhase::Commit }) {
-                return Ok(self.cursor - self.wanted);
+                return Ok(self.cursor - self.watcher.wanted);
             }
             self.pressed_s = Some(now);
         }
@@ -240,28 +281,16 @@ impl<'a> User<'a> {
         }
     }
 
-    /// Where the hand has been led by now: smoothly from place to place.
+    /// Where the hand has been led by now.
     fn hand(&self, now: f64) -> DVec3 {
         let (from, to, since) = self.way;
-        let share = ((now - since) / MOVES_S).clamp(0.0, 1.0);
-        from.lerp(to, share * share * (3.0 - 2.0 * share))
-    }
-
-    /// How far the cursor seems to be from where it is to be.
-    fn look(&mut self, now: f64) -> Option<DVec3> {
-        let seen = |at: f64| (now - SEES_S[0]..=now - SEES_S[1]).contains(&at);
-        let places: Vec<DVec3> =
-            self.shown.iter().filter(|(at, _)| seen(*at)).map(|(_, place)| *place).collect();
-        let mean = places.iter().sum::<DVec3>() / places.len() as f64;
-        let blur = DVec3::from(SIGHT_MM.map(|sight| sight * self.random.normal()));
-        (!places.is_empty()).then(|| self.wanted - mean + blur)
+        led([from, to], since, now)
     }
 
     fn correct(&mut self, now: f64, off: DVec3) {
         let share = if self.pressed_s.is_some() { self.mapping.precise_gain } else { 1.0 };
-        let move_by = off * (CORRECTS / (self.mapping.gain * share));
-        let clumsy = DVec3::from([0; 3].map(|_| self.random.normal())) * (CLUMSY * move_by.length());
+        let move_by = self.watcher.clumsily(off * (CORRECTS / (self.mapping.gain * share)));
         let from = self.hand(now);
-        self.way = (from, from + move_by + clumsy, now);
+        self.way = (from, from + move_by, now);
     }
 }

@@ -1,11 +1,14 @@
-//! The accuracy of placing landmarks with a Wiimote, by simulation of the whole chain.
+//! The accuracy of placing landmarks with a Wiimote and other pointers, by simulation of the whole
+//! chain.
 //!
-//! The hand (see `hand`) is tracked by the product's tracker and gestures; the landmark is
+//! The hand (see `hand`) is tracked by the product's tracker and gestures, other devices are in
+//! `pointer`; the landmark is
 //! rendered, picked and snapped by the product's renderer and snapping (see `chain`). Errors are
 //! distances from the true landmark of the head phantom, mm.
 
 mod chain;
 mod hand;
+mod pointer;
 pub(crate) mod report;
 
 use std::collections::BTreeSet;
@@ -15,13 +18,15 @@ use serde::Serialize;
 use self::chain::Visibility;
 use crate::StudyError;
 use crate::accuracy::report::WayReport;
-use relief_live::HandOptions;
+pub use pointer::PointerKind;
 use relief_render::Renderer;
 use relief_volume::Phantom;
 
 /// What to simulate.
 #[derive(Clone, Debug)]
 pub struct AccuracySettings {
+    /// The devices to place with.
+    pub pointers: Vec<PointerKind>,
     /// Distance from the beacon to the remote, mm.
     pub distance_mm: f64,
     /// Placements of each landmark and seed.
@@ -59,31 +64,29 @@ pub struct AccuracyReport {
     pub ways: Vec<WayReport>,
 }
 
-/// Mappings of hand movements to cursor movements, by name.
-fn mappings(distance_mm: f64) -> [(&'static str, HandOptions); 3] {
-    let direct = HandOptions { precise_gain: 1.0, steady_s: 0.0, ..HandOptions::default() };
-    let lever = HandOptions { tip_mm: distance_mm, ..direct.clone() };
-    [("direct", direct), ("lever", lever), ("default", HandOptions::default())]
-}
-
 /// Places the landmarks of a head phantom in all ways.
 ///
 /// # Errors
-/// When the simulated hand is lost, or rendering fails.
+/// When a simulated hand is lost, or rendering fails.
 pub fn measure_accuracy(
     settings: &AccuracySettings,
     phantom: &Phantom,
     renderer: &mut Renderer,
 ) -> Result<AccuracyReport, StudyError> {
     let &AccuracySettings { distance_mm, repeats, radius_mm, tremor_g, .. } = settings;
-    let (names, options): (Vec<_>, Vec<_>) = mappings(distance_mm).into_iter().unzip();
-    let mut ways = WayReport::all(&names, &options);
+    let mut ways: Vec<_> =
+        settings.pointers.iter().flat_map(|pointer| WayReport::all(*pointer, distance_mm)).collect();
     let landmarks = &phantom.truth.landmarks;
     let count = repeats as usize;
     let (mut cut, mut hidden) = (BTreeSet::new(), BTreeSet::new());
     for &seed in &settings.seeds {
         let placer = hand::SimulatedHand { distance_mm, tremor_g, seed };
-        let offsets = hand::place(placer, &options, landmarks.len() * count)?;
+        let mut placings = Vec::new();
+        for pointer in &settings.pointers {
+            let mappings: Vec<_> =
+                pointer.mappings(distance_mm).into_iter().map(|(_, mapping)| mapping).collect();
+            placings.push(pointer.place(placer, &mappings, landmarks.len() * count, chain::HEIGHT_MM)?);
+        }
         for (at, landmark) in landmarks.iter().enumerate() {
             let (seed, cuts) = (seed ^ at as u64, settings.cut);
             let shown = chain::PresentedLandmark::new(renderer, &phantom.volume, landmark, seed, cuts)
@@ -96,10 +99,12 @@ pub fn measure_accuracy(
                 Visibility::Cut => cut.insert(at),
                 Visibility::Hidden => hidden.insert(at),
             };
-            for offsets in &offsets[at * count..][..count] {
-                for way in &mut ways {
-                    let mapping = names.iter().position(|name| *name == way.mapping).unwrap_or_default();
-                    shown.place(&phantom.volume, offsets[mapping], radius_mm, way);
+            for way in &mut ways {
+                let of_pointer =
+                    settings.pointers.iter().zip(&placings).find(|(one, _)| **one == way.pointer);
+                let Some((_, offsets)) = of_pointer else { continue };
+                for offsets in &offsets[at * count..][..count] {
+                    shown.place(&phantom.volume, offsets[way.number], radius_mm, way);
                 }
             }
         }

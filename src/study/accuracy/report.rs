@@ -2,12 +2,19 @@
 
 use serde::Serialize;
 
-use relief_live::HandOptions;
+use super::PointerKind;
+
 /// The errors of one way to place landmarks.
 #[derive(Debug, Serialize)]
 pub struct WayReport {
+    /// The device.
+    #[serde(serialize_with = "name")]
+    pub pointer: PointerKind,
     /// `ray` or `tip`.
     pub way: &'static str,
+    /// Which of the pointer's mappings.
+    #[serde(skip)]
+    pub(super) number: usize,
     /// `direct`, `lever` or `default`.
     pub mapping: &'static str,
     /// Distance from the remote's camera to the tip, mm.
@@ -33,14 +40,16 @@ pub struct WayReport {
 }
 
 impl WayReport {
-    /// All combinations of way, mapping and snapping, without placements.
-    pub(super) fn all(names: &[&'static str], options: &[HandOptions]) -> Vec<Self> {
+    /// All combinations of a pointer's ways, mappings and snapping, without placements.
+    pub(super) fn all(pointer: PointerKind, distance_mm: f64) -> Vec<Self> {
         let mut ways = Vec::new();
-        for way in ["ray", "tip"] {
-            for (mapping, options) in names.iter().zip(options) {
+        for &way in pointer.ways() {
+            for (number, (mapping, options)) in pointer.mappings(distance_mm).iter().enumerate() {
                 for snap in ["none", "boundary", "gradient"] {
                     ways.push(Self {
+                        pointer,
                         way,
+                        number,
                         mapping,
                         lever_mm: options.tip_mm,
                         snap,
@@ -68,6 +77,10 @@ impl WayReport {
         [self.median_mm, self.p95_mm, self.max_mm] =
             [0.5, 0.95, 1.0].map(|share| quantile(&self.errors_mm, share));
     }
+}
+
+fn name<S: serde::Serializer>(pointer: &PointerKind, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(pointer.name())
 }
 
 /// The quantile of `errors_mm` at `share`, by nearest rank.

@@ -10,11 +10,11 @@ use anyhow::Context;
 
 use crate::adapter::AdapterArguments;
 use crate::output::{print_json, say, write_whole};
-use relief_study::{AccuracyReport, AccuracySettings, measure_accuracy};
+use relief_study::{AccuracyReport, AccuracySettings, PointerKind, measure_accuracy};
 use relief_volume::{PhantomKind, PhantomRecipe};
 
-/// Place the head phantom's 20 known landmarks with a simulated Wiimote, and tell by how much they
-/// are missed.
+/// Place the head phantom's 20 known landmarks with a simulated Wiimote or another pointer, and
+/// tell by how much they are missed.
 ///
 /// The remote is tracked as in `relief track experiment`: half a pixel of noise, rounding to
 /// pixels, a camera calibrated from a survey, the default filter. The hand trembles and drifts; the
@@ -33,12 +33,20 @@ without that; `lever` is direct with a tip as far before the remote as the beaco
 The tremor's acceleration is the most common one of 97 people's hands (M. Wade, M. Gresty and L. Findley, Arch Neurol 39, 1982: a peak of
 0.01 g, from 0.0015 to 0.035 g). Drift, eyes and skill are assumptions.
 
+Pointers: `tracker` is a tool of an optical tracker (OpenIGTLink) with 0.25 mm and 0.2 degrees of noise at 60 Hz, `opentrack` one of a webcam
+with 0.5 mm and 0.3 degrees at 30 Hz, each with the space bar as button A; `spacemouse` moves the cursor at its speed of 60 mm/s at full
+deflection; `phone` moves it across the picture, and its angles are rounded to 0.1 degrees as in browsers.
+
 Examples:
   relief annotate accuracy
   relief annotate accuracy --distance-mm 1500 --tremor-g 0.035 --json
   relief annotate accuracy --seed 1,2,3,4,5 --repeats 10
+  relief annotate accuracy --pointer tracker,opentrack,spacemouse,phone
   relief annotate accuracy --out results                  accuracy.svg and accuracy.png")]
 pub(super) struct AccuracyArguments {
+    /// Devices: wiimote, tracker, opentrack, spacemouse, phone; several with commas between
+    #[arg(long = "pointer", value_name = "NAME,..", default_value = "wiimote", value_delimiter = ',', value_parser = pointer)]
+    pointers: Vec<PointerKind>,
     /// From the beacon to the remote
     #[arg(long, value_name = "MM", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(500..=3000))]
     distance_mm: u32,
@@ -70,6 +78,11 @@ pub(super) struct AccuracyArguments {
     json: bool,
 }
 
+fn pointer(text: &str) -> Result<PointerKind, String> {
+    let names = PointerKind::ALL.map(PointerKind::name).join(", ");
+    PointerKind::ALL.into_iter().find(|one| one.name() == text).ok_or(format!("pointers are {names}"))
+}
+
 fn gravities(text: &str) -> Result<f64, String> {
     let gravities: f64 = text.parse().map_err(|error| format!("{error}"))?;
     if (0.0..=0.2).contains(&gravities) { Ok(gravities) } else { Err("allowed: 0 to 0.2".to_owned()) }
@@ -80,6 +93,7 @@ pub(super) fn run(arguments: &AccuracyArguments) -> anyhow::Result<ExitCode> {
     let phantom = recipe.make();
     let mut renderer = arguments.adapter.open_renderer_for(recipe.dims())?;
     let settings = AccuracySettings {
+        pointers: arguments.pointers.clone(),
         distance_mm: f64::from(arguments.distance_mm),
         repeats: arguments.repeats,
         radius_mm: f64::from(arguments.radius_mm),
@@ -106,14 +120,15 @@ fn print(report: &AccuracyReport) {
     let AccuracyReport { distance_mm, landmarks, repeats, seeds, radius_mm, tremor_g, cut, hidden, ways } =
         report;
     say!(
-        "{landmarks} landmarks of the head, {repeats} times each for each of {} seeds, with a remote {distance_mm:.0} mm before the beacon; a tremor of {tremor_g} g;",
+        "{landmarks} landmarks of the head, {repeats} times each for each of {} seeds, with the hand {distance_mm:.0} mm before the display; a tremor of {tremor_g} g;",
         seeds.len()
     );
     say!(
         "snapping within {radius_mm} mm; of {cut} landmarks what hides them in all standard views is cut away, {hidden} stay hidden.\n"
     );
     say!(
-        "{:6}{:10}{:>10}  {:10}{:>10}{:>10}{:>10}{:>8}",
+        "{:12}{:6}{:10}{:>10}  {:10}{:>10}{:>10}{:>10}{:>8}",
+        "pointer",
         "way",
         "mapping",
         "lever",
@@ -125,7 +140,8 @@ fn print(report: &AccuracyReport) {
     );
     for way in ways {
         say!(
-            "{:6}{:10}{:>7.0} mm  {:10}{:>7.2} mm{:>7.2} mm{:>7.2} mm{:>8}",
+            "{:12}{:6}{:10}{:>7.0} mm  {:10}{:>7.2} mm{:>7.2} mm{:>7.2} mm{:>8}",
+            way.pointer.name(),
             way.way,
             way.mapping,
             way.lever_mm,

@@ -36,7 +36,7 @@ pub(super) fn draw(report: &AccuracyReport) -> Result<Sheet, PlotError> {
     for (row, way) in report.ways.iter().enumerate() {
         let middle = row as f64 + 0.5;
         let (_, y) = chart.backend_coord(&(BAR_MM, middle));
-        let name = format!("{}, {}, {}", way.way, way.mapping, way.snap);
+        let name = format!("{}, {}, {}, {}", way.pointer, way.way, way.mapping, way.snap);
         Label::new(&name, TEXT, INK).anchored(HPos::Right).draw(&area, [444, y])?;
         chart.draw_series(dots(way, middle))?;
         if way.median_mm.is_finite() {

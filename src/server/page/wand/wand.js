@@ -11,6 +11,8 @@ const $ = (id) => document.getElementById(id);
 const parameters = new URLSearchParams(location.search);
 /** Turn of the phone that moves the cursor by the picture's height, degrees. */
 const DEGREES_A_HEIGHT = 30;
+/** While Place is held, the cursor moves by this share of that. */
+const PRECISE_GAIN = 0.2;
 /** Drag on the pad that moves the cursor by the picture's height, CSS pixels. */
 const PAD_A_HEIGHT = 900;
 const BUZZ_MS = 20;
@@ -27,8 +29,10 @@ let cursor = null;
 let earth = null;
 /** Whether the view was set to keep annotations. */
 let places = false;
-/** The button that is held, and the attitude at its beginning. */
+/** The button that is held (Turn or Point), and the attitude and the cursor at its beginning. */
 let held = null;
+/** The same of Place. */
+let placing = null;
 
 // ---------------------------------------------------------------- session
 
@@ -109,12 +113,15 @@ function listen() {
 
 // ---------------------------------------------------------------- commands
 
+/** The attitude and the cursor from which a movement starts. */
+const anchor = () => (earth ? { heading: headingOf(earth), pitch: pitchOf(earth), cursor } : {});
+
 function hold(name) {
   if (!earth) {
     $("hint").textContent = "No sensor has answered yet. Use the pad.";
     return;
   }
-  held = { name, heading: headingOf(earth), pitch: pitchOf(earth), cursor };
+  held = { name, ...anchor() };
   $(name).classList.add("held");
   if (name === "turn") intent("grab", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading), mode: "rotate" });
 }
@@ -127,12 +134,16 @@ function release() {
 
 function move() {
   if (held?.name === "turn") intent("move", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading) });
-  if (held?.name === "point" && held.cursor) {
-    // Headings grow to the left; the difference is the short way round.
-    const left = ((headingOf(earth) - held.heading + 540) % 360) - 180;
-    const up = pitchOf(earth) - held.pitch;
-    moveCursor(held.cursor, [-left / DEGREES_A_HEIGHT, -up / DEGREES_A_HEIGHT]);
-  }
+  if (placing?.cursor) pointFrom(placing, PRECISE_GAIN);
+  else if (held?.name === "point" && held.cursor) pointFrom(held, 1);
+}
+
+/** Moves the cursor from an anchor by a share of the phone's turn. */
+function pointFrom({ heading, pitch, cursor: from }, gain) {
+  // Headings grow to the left; the difference is the short way round.
+  const left = ((headingOf(earth) - heading + 540) % 360) - 180;
+  const up = pitchOf(earth) - pitch;
+  moveCursor(from, [-left, -up].map((degrees) => (gain * degrees) / DEGREES_A_HEIGHT));
 }
 
 /** Moves the cursor from a place by fractions of the picture's height, right and down; it stays in the picture. */
@@ -150,11 +161,23 @@ for (const name of ["turn", "point"]) {
   for (const end of ["pointerup", "pointercancel"]) $(name).addEventListener(end, release);
 }
 
-/** Places a landmark: the view keeps annotations from the first one on. */
-function place() {
+/** Begins to place a landmark, with a preview: the view keeps annotations from the first one on. */
+function beginPlacing() {
   if (!places) send({ type: "settings", annotations: true, snap: SNAP });
   places = true;
-  intent("place", { phase: "commit" });
+  placing = anchor();
+  $("place").classList.add("held");
+  intent("place", { phase: "preview" });
+}
+
+/** Places the landmark, or nothing. Point goes on from here. */
+function endPlacing(phase) {
+  if (!placing) return;
+  placing = null;
+  $("place").classList.remove("held");
+  intent("place", { phase });
+  if (held?.name === "point") held = { name: "point", ...anchor() };
+  if (phase === "commit") buzz();
 }
 
 const buzz = () => navigator.vibrate?.(BUZZ_MS);
@@ -169,9 +192,17 @@ for (const [id, [name, more]] of Object.entries(BUTTONS)) {
   });
 }
 
-$("place").addEventListener("click", () => {
-  place();
-  buzz();
+$("place").addEventListener("pointerdown", (event) => {
+  event.currentTarget.setPointerCapture(event.pointerId);
+  beginPlacing();
+});
+$("place").addEventListener("pointerup", () => endPlacing("commit"));
+$("place").addEventListener("pointercancel", () => endPlacing("cancel"));
+// A key presses the button without a pointer.
+$("place").addEventListener("click", ({ detail }) => {
+  if (detail > 0) return;
+  beginPlacing();
+  endPlacing("commit");
 });
 
 // ---------------------------------------------------------------- pad
