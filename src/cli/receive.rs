@@ -23,6 +23,7 @@ use crate::stop::stop_signal;
 #[command(after_help = "\
 Examples:
   relief receive --into inbox --caller PACS@10.0.0.7 --listen 0.0.0.0:11112
+  relief receive --into inbox --caller PACS@10.0.0.7:104  storage commitment is reported to port 104
   relief receive --into inbox --caller SCANNER            on this machine alone, 127.0.0.1:11112
   echoscu -aec RELIEF -aet SCANNER 127.0.0.1 11112        ask whether it answers (DCMTK)
   storescu -aec RELIEF -aet SCANNER +sd +r 127.0.0.1 11112 chest
@@ -39,8 +40,10 @@ pub(super) struct ReceiveArguments {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:11112")]
     listen: SocketAddr,
-    /// A caller that is known, by its title and, better, its address; may be given several times
-    #[arg(long, value_name = "TITLE[@ADDRESS]", required_unless_present = "any_caller")]
+    /// A caller that is known, by its title and, better, its address; reports about storage
+    /// commitment go to the port, or without it into the caller's association; may be given several
+    /// times
+    #[arg(long, value_name = "TITLE[@ADDRESS[:PORT]]", required_unless_present = "any_caller")]
     caller: Vec<AllowedCaller>,
     /// Take objects of every caller
     #[arg(long, conflicts_with = "caller")]

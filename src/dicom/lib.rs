@@ -29,6 +29,7 @@ mod capture;
 mod charset;
 mod codec;
 mod codestream;
+mod commitment;
 mod dataset;
 mod discover;
 mod entropy;
@@ -64,6 +65,10 @@ mod write;
 pub use crate::progress::Progress;
 pub use crate::progress::Stage;
 pub use capture::{CaptureError, CaptureOptions, CapturedPicture, write_capture};
+pub use commitment::{
+    COMMITMENT_TRANSFER_SYNTAXES, CommitmentRequest, CommitmentResult, ReferencedObject,
+    read_commitment_request, write_commitment_result,
+};
 pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;

@@ -100,16 +100,29 @@ impl Orthanc {
         assert!(sent.status.success(), "{}", String::from_utf8_lossy(&sent.stderr));
     }
 
+    /// Its own HTTP interface.
+    fn ask(&self, request: &str, body: &str) -> serde_json::Value {
+        let login = format!("Authorization: Basic {}\r\n", data_encoding::BASE64.encode(b"reader:a secret"));
+        let answer = ask(&format!("127.0.0.1:{}", self.port), request, &login, body).unwrap();
+        assert_eq!(answer.status, 200, "{request}: {}", self.log());
+        if answer.body.is_empty() { serde_json::Value::Null } else { answer.json() }
+    }
+
     /// Has Orthanc send everything by the DICOM network.
     pub(crate) fn send_all(&self, title: &str, port: u16) {
-        let address = format!("127.0.0.1:{}", self.port);
-        let login = format!("Authorization: Basic {}\r\n", data_encoding::BASE64.encode(b"reader:a secret"));
         let target = serde_json::json!({ "AET": title, "Host": "127.0.0.1", "Port": port }).to_string();
-        let made = ask(&address, "PUT /modalities/target", &login, &target).unwrap();
-        assert_eq!(made.status, 200);
-        let series = ask(&address, "GET /series", &login, "").unwrap().json().to_string();
-        let sent = ask(&address, "POST /modalities/target/store", &login, &series).unwrap();
-        assert_eq!(sent.status, 200, "{}", self.log());
+        self.ask("PUT /modalities/target", &target);
+        let series = self.ask("GET /series", "").to_string();
+        self.ask("POST /modalities/target/store", &series);
+    }
+
+    /// Has Orthanc ask whether what it sent is kept; its report.
+    pub(crate) fn commit_all(&self) -> serde_json::Value {
+        let series = serde_json::json!({ "Resources": self.ask("GET /series", "") }).to_string();
+        let begun = self.ask("POST /modalities/target/storage-commitment", &series);
+        let report = format!("GET {}", begun["Path"].as_str().unwrap());
+        until("a report about storage commitment", || self.ask(&report, "")["Status"] != "Pending");
+        self.ask(&report, "")
     }
 
     /// `relief` that logs in.

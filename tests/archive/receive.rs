@@ -20,8 +20,12 @@ pub(crate) struct Receiving {
 
 impl Receiving {
     pub(crate) fn start(inbox: &Path, more: &[&str]) -> Self {
-        let mut command = relief(&["receive", "--listen", "127.0.0.1:0", "--quiet", "1", "--into"]);
-        command.arg(inbox).args(more).stdout(Stdio::piped());
+        let mut command = relief(&["receive", "--listen", "127.0.0.1:0", "--into"]);
+        command.arg(inbox);
+        if !more.contains(&"--quiet") {
+            command.args(["--quiet", "1"]);
+        }
+        command.args(more).stdout(Stdio::piped());
         let mut process = command.stderr(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(process.stdout.take().unwrap()).lines();
         let first = lines.next().unwrap().unwrap();
@@ -135,6 +139,97 @@ fn orthanc_sends_its_series() {
     let [expected, found] =
         [&series, Path::new(received)].map(|path| picture(path, &folder.path().join("out.png")));
     assert!(expected == found);
+}
+
+/// Invariant: An archive that asks whether its objects are kept gets a report at its own address, and
+/// the series is complete.
+#[test]
+fn orthanc_learns_that_its_objects_are_kept() {
+    let what = "storage commitment";
+    let Some(orthanc) = Orthanc::start(what, Wanted::Login) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (series, inbox) = (phantom(folder.path(), "sphere"), folder.path().join("inbox"));
+    orthanc.store(&series);
+    let provider = orthanc.network_address().replace("dicom://", "");
+    let mut receiving = Receiving::start(&inbox, &["--caller", &provider, "--quiet", "3600"]);
+    orthanc.send_all("RELIEF", receiving.port);
+    let report = orthanc.commit_all();
+    assert_eq!((&report["Status"], report["Success"].as_array().unwrap().len()), (&"Success".into(), 32));
+    assert!(receiving.line().ends_with(": 32 objects"), "complete, long before it is quiet");
+
+    let gone = files_below(&inbox).pop().unwrap();
+    std::fs::remove_file(gone).unwrap();
+    let report = orthanc.commit_all();
+    assert_eq!(report["Status"], "Failure", "{report}");
+    assert_eq!(
+        (report["Success"].as_array().unwrap().len(), report["Failures"].as_array().unwrap().len()),
+        (31, 1)
+    );
+}
+
+/// Asks for the commitment of a known and of an unknown object, and prints the response and the report.
+const PYNETDICOM: &str = r#"
+import json, sys, threading
+import pydicom
+from pynetdicom import AE, evt
+port, path = int(sys.argv[1]), sys.argv[2]
+COMMITMENT, INSTANCE = "1.2.840.10008.1.20.1", "1.2.840.10008.1.20.1.1"
+known = pydicom.dcmread(path, stop_before_pixels=True)
+def item(instance):
+    made = pydicom.Dataset()
+    made.ReferencedSOPClassUID, made.ReferencedSOPInstanceUID = known.SOPClassUID, instance
+    return made
+asked = pydicom.Dataset()
+asked.TransactionUID = "1.2.3.4"
+asked.ReferencedSOPSequence = [item(known.SOPInstanceUID), item("1.2.3.99")]
+reported, seen = threading.Event(), {}
+def on_report(event):
+    told = event.event_information
+    seen.update(event=event.event_type, transaction=str(told.TransactionUID),
+        kept=[one.ReferencedSOPInstanceUID == known.SOPInstanceUID for one in told.ReferencedSOPSequence],
+        failed=[[str(one.ReferencedSOPInstanceUID), one.FailureReason] for one in told.FailedSOPSequence])
+    reported.set()
+    return 0x0000, None
+ae = AE(ae_title="SCANNER")
+ae.add_requested_context(COMMITMENT)
+ae.add_requested_context("1.2.840.10008.1.1")
+association = ae.associate("127.0.0.1", port, ae_title="RELIEF", evt_handlers=[(evt.EVT_N_EVENT_REPORT, on_report)])
+status, _ = association.send_n_action(asked, 1, COMMITMENT, INSTANCE)
+seen["status"] = status.Status
+seen["is_reported"] = reported.wait(20)
+bad = pydicom.Dataset()
+bad.TransactionUID = ""
+seen["bad"] = association.send_n_action(bad, 1, COMMITMENT, INSTANCE)[0].Status
+seen["echo"] = association.send_c_echo().Status
+association.release()
+print(json.dumps(seen))
+"#;
+
+/// Invariant: A caller without an address of its own gets the report in its association, with what is
+/// missing.
+#[test]
+fn a_report_names_what_is_missing() {
+    let what = "storage commitment by pynetdicom";
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    let Some(python) = std::env::var_os("RELIEF_PEERS_PYTHON") else {
+        eprintln!("SKIPPED: {what} (RELIEF_PEERS_PYTHON is not set)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (series, inbox) = (phantom(folder.path(), "slab"), folder.path().join("inbox"));
+    let receiving = Receiving::start(&inbox, &["--caller", "SCANNER"]);
+    let sent = send(&mut storescu, "SCANNER", receiving.port, &series);
+    assert!(sent.status.success(), "{}", printed(&sent));
+    let mut scanner = Command::new(python);
+    scanner.args(["-c", PYNETDICOM, &receiving.port.to_string()]).arg(&files_below(&series)[0]);
+    let output = scanner.output().unwrap();
+    let seen: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", printed(&output)));
+    let expected = serde_json::json!({
+        "status": 0, "is_reported": true, "event": 2, "transaction": "1.2.3.4", "kept": [true],
+        "failed": [["1.2.3.99", 0x0112]], "bad": 0x0115, "echo": 0,
+    });
+    assert_eq!(seen, expected);
 }
 
 /// Invariant: What a receiver acknowledged is there after it was killed at any moment, and nothing

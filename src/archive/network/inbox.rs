@@ -3,14 +3,14 @@
 //! Names are hashes, because UIDs may lead to patients. An object is a whole file on the disk before
 //! it is acknowledged, and an object of a known UID never replaces the first one.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use data_encoding::HEXLOWER;
 use relief_base::write_whole;
-use relief_dicom::{file_around, read_identity};
+use relief_dicom::{CommitmentRequest, CommitmentResult, file_around, read_identity};
 use sha2::{Digest, Sha256};
 
 use super::message::Status;
@@ -36,6 +36,8 @@ struct State {
 struct GrowingSeries {
     objects: usize,
     last: Instant,
+    /// Whether its sender asked whether it is kept: it is complete.
+    is_committed: bool,
 }
 
 /// A series of which no more objects have arrived for a while.
@@ -85,6 +87,35 @@ impl Inbox {
         }
     }
 
+    /// Which objects are kept: whole files, which stay. Series of them are complete.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub(super) fn commit(&self, request: CommitmentRequest) -> std::io::Result<CommitmentResult> {
+        let wanted: HashSet<String> =
+            request.objects.iter().map(|object| name_of(&object.sop_instance) + ".dcm").collect();
+        let (mut kept, mut folders) = (HashSet::new(), HashSet::new());
+        for study in folders_in(&self.folder)? {
+            for series in folders_in(&study)? {
+                for entry in std::fs::read_dir(&series)? {
+                    let name = entry?.file_name().to_string_lossy().into_owned();
+                    if wanted.contains(&name) {
+                        kept.insert(name);
+                        folders.insert(series.clone());
+                    }
+                }
+            }
+        }
+        let is_kept = |sop_instance: &str| kept.contains(&(name_of(sop_instance) + ".dcm"));
+        let (committed, missing) =
+            request.objects.into_iter().partition(|object| is_kept(&object.sop_instance));
+        let mut state = self.lock();
+        for (_, series) in state.growing.iter_mut().filter(|(folder, _)| folders.contains(*folder)) {
+            series.is_committed = true;
+        }
+        Ok(CommitmentResult { transaction: request.transaction, committed, missing })
+    }
+
     fn write(&self, folder: &Path, path: &Path, file: &[u8]) -> std::io::Result<Status> {
         if let Ok(known) = std::fs::read(path) {
             return Ok(if known == file { Status::Success } else { Status::Duplicate });
@@ -102,9 +133,11 @@ impl Inbox {
             return Err(error);
         }
         let series = state.growing.entry(folder.to_owned());
-        let series = series.or_insert(GrowingSeries { objects: 0, last: Instant::now() });
+        let series =
+            series.or_insert(GrowingSeries { objects: 0, last: Instant::now(), is_committed: false });
         series.objects += 1;
         series.last = Instant::now();
+        series.is_committed = false;
         Ok(Status::Success)
     }
 
@@ -115,13 +148,13 @@ impl Inbox {
         has_room
     }
 
-    /// The series of which nothing has arrived for so long; each is reported once until more
+    /// The series of which nothing has arrived for so long, or which were committed; each is reported once until more
     /// arrives.
     pub fn completed(&self, quiet: Duration) -> Vec<CompletedSeries> {
         let mut state = self.lock();
         let mut completed = Vec::new();
         state.growing.retain(|folder, series| {
-            let is_quiet = series.last.elapsed() >= quiet;
+            let is_quiet = series.is_committed || series.last.elapsed() >= quiet;
             if is_quiet {
                 completed.push(CompletedSeries { folder: folder.clone(), objects: series.objects });
             }
@@ -149,6 +182,17 @@ fn sync_folders(folder: &Path, last: &Path) -> std::io::Result<()> {
         std::fs::File::open(folder)?.sync_all()?;
     }
     Ok(())
+}
+
+fn folders_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut folders = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            folders.push(entry.path());
+        }
+    }
+    Ok(folders)
 }
 
 fn bytes_below(folder: &Path) -> std::io::Result<u64> {

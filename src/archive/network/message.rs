@@ -4,6 +4,10 @@
 pub(super) const LARGEST_COMMAND: usize = 64 << 10;
 const ECHO_REQUEST: u16 = 0x0030;
 const STORE_REQUEST: u16 = 0x0001;
+const ACTION_REQUEST: u16 = 0x0130;
+const EVENT_REPORT_REQUEST: u16 = 0x0100;
+/// The Action Type ID of a request for storage commitment.
+const COMMIT: u16 = 1;
 /// The bit of Command Field that marks a response.
 const RESPONSE: u16 = 0x8000;
 /// The Command Data Set Type of a message without a data set.
@@ -22,6 +26,8 @@ pub(super) enum Status {
     Mismatch,
     /// The data set is damaged.
     CannotUnderstand,
+    /// An argument of an action is invalid.
+    InvalidArgument,
 }
 
 impl Status {
@@ -32,6 +38,7 @@ impl Status {
             Self::OutOfResources => 0xA700,
             Self::Mismatch => 0xA900,
             Self::CannotUnderstand => 0xC000,
+            Self::InvalidArgument => 0x0115,
         }
     }
 }
@@ -43,35 +50,47 @@ pub(super) enum Request {
     Echo { message: u16, sop_class: String },
     /// C-STORE, of which the data set follows.
     Store { message: u16, sop_class: String, sop_instance: String },
+    /// N-ACTION for storage commitment, of which the data set follows.
+    Commit { message: u16, sop_class: String, sop_instance: String },
+    /// The response to a report, which needs none.
+    Reported,
 }
 
 impl Request {
     /// Reads a command set; `None` where it is damaged or another request.
     pub(super) fn read(mut command: &[u8]) -> Option<Self> {
         let (mut field, mut message, mut data_set) = (None, None, None);
-        let (mut sop_class, mut sop_instance) = (None, None);
+        let (mut sop_class, mut sop_instance, mut action) = (None, None, None);
         while !command.is_empty() {
             let (element, value, rest) = split(command)?;
             command = rest;
             let number = || Some(u16::from_le_bytes(value.try_into().ok()?));
             match element {
-                0x0002 => sop_class = Some(uid(value)?),
+                // Affected and Requested SOP Class and Instance UID.
+                0x0002 | 0x0003 => sop_class = Some(uid(value)?),
                 0x0100 => field = Some(number()?),
                 0x0110 => message = Some(number()?),
                 0x0800 => data_set = Some(number()?),
-                0x1000 => sop_instance = Some(uid(value)?),
+                0x1000 | 0x1001 => sop_instance = Some(uid(value)?),
+                0x1008 => action = Some(number()?),
                 _ => {}
             }
+        }
+        if field? == EVENT_REPORT_REQUEST | RESPONSE {
+            return (data_set? == NO_DATA_SET).then_some(Self::Reported);
         }
         let (message, sop_class) = (message?, sop_class?);
         match (field?, data_set? == NO_DATA_SET) {
             (ECHO_REQUEST, true) => Some(Self::Echo { message, sop_class }),
             (STORE_REQUEST, false) => Some(Self::Store { message, sop_class, sop_instance: sop_instance? }),
+            (ACTION_REQUEST, false) if action? == COMMIT => {
+                Some(Self::Commit { message, sop_class, sop_instance: sop_instance? })
+            }
             _ => None,
         }
     }
 
-    /// The command set of the request, of medium priority.
+    /// The command set of a request for storage, or an echo, of medium priority.
     pub(super) fn command(&self) -> Vec<u8> {
         let (field, message, sop_class, sop_instance) = self.parts();
         let mut elements = element(0x0002, &padded(sop_class));
@@ -92,6 +111,10 @@ impl Request {
             Self::Store { message, sop_class, sop_instance } => {
                 (STORE_REQUEST, *message, sop_class, Some(sop_instance))
             }
+            Self::Commit { message, sop_class, sop_instance } => {
+                (ACTION_REQUEST, *message, sop_class, Some(sop_instance))
+            }
+            Self::Reported => (EVENT_REPORT_REQUEST, 0, "", None),
         }
     }
 
@@ -104,12 +127,42 @@ impl Request {
         elements.extend(element(0x0800, &NO_DATA_SET.to_le_bytes()));
         elements.extend(element(0x0900, &status.code().to_le_bytes()));
         elements.extend(sop_instance.map(|uid| element(0x1000, &padded(uid))).unwrap_or_default());
+        if matches!(self, Self::Commit { .. }) {
+            elements.extend(element(0x1008, &COMMIT.to_le_bytes()));
+        }
         with_length(elements)
     }
 }
 
+/// The command set of a report about storage commitment (N-EVENT-REPORT), of which the data set
+/// follows.
+pub(super) fn commitment_report(
+    message: u16,
+    sop_class: &str,
+    sop_instance: &str,
+    is_complete: bool,
+) -> Vec<u8> {
+    let event: u16 = if is_complete { 1 } else { 2 };
+    let mut elements = element(0x0002, &padded(sop_class));
+    elements.extend(element(0x0100, &EVENT_REPORT_REQUEST.to_le_bytes()));
+    elements.extend(element(0x0110, &message.to_le_bytes()));
+    elements.extend(element(0x0800, &0_u16.to_le_bytes()));
+    elements.extend(element(0x1000, &padded(sop_instance)));
+    elements.extend(element(0x1002, &event.to_le_bytes()));
+    with_length(elements)
+}
+
 /// The status of a response; `None` if the bytes are not a response to C-STORE.
-pub(super) fn response_status(mut command: &[u8]) -> Option<u16> {
+pub(super) fn response_status(command: &[u8]) -> Option<u16> {
+    status_of(command, STORE_REQUEST)
+}
+
+/// The status of a response to a report; `None` if the bytes are something else.
+pub(super) fn report_status(command: &[u8]) -> Option<u16> {
+    status_of(command, EVENT_REPORT_REQUEST)
+}
+
+fn status_of(mut command: &[u8], request: u16) -> Option<u16> {
     let (mut field, mut status) = (None, None);
     while !command.is_empty() {
         let (number, value, rest) = split(command)?;
@@ -120,7 +173,7 @@ pub(super) fn response_status(mut command: &[u8]) -> Option<u16> {
             _ => {}
         }
     }
-    status.filter(|_| field == Some(STORE_REQUEST | RESPONSE))
+    status.filter(|_| field == Some(request | RESPONSE))
 }
 
 /// The number and the value of the first element of group 0000, and what follows.
@@ -207,6 +260,27 @@ mod tests {
         assert_eq!(response_status(&store.response(Status::Duplicate)), Some(0x0111));
         assert_eq!(response_status(&store.command()), None);
         assert_eq!(Request::read(&store.command()), Some(store));
+    }
+
+    #[test]
+    fn an_action_and_a_report_are_about_commitment() {
+        let [sop_class, sop_instance] = ["1.2.3", "4.5.67"].map(str::to_owned);
+        let action = |kind: u16| {
+            let parts = [
+                element(0x0003, b"1.2.3\0"),
+                element(0x0100, &ACTION_REQUEST.to_le_bytes()),
+                element(0x0110, &9_u16.to_le_bytes()),
+                element(0x0800, &0_u16.to_le_bytes()),
+                element(0x1001, b"4.5.67"),
+                element(0x1008, &kind.to_le_bytes()),
+            ];
+            Request::read(&parts.concat())
+        };
+        assert_eq!(action(1), Some(Request::Commit { message: 9, sop_class, sop_instance }));
+        assert_eq!(action(2), None);
+        let report = commitment_report(3, "1.2.3", "4.5.67", false);
+        assert_eq!(report[8..12], u32::to_le_bytes(report.len() as u32 - 12));
+        assert_eq!((Request::read(&report), report_status(&report)), (None, None));
     }
 
     proptest! {

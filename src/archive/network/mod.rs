@@ -1,10 +1,11 @@
-//! The DICOM network: a provider of verification (C-ECHO) and storage (C-STORE), and a user of
-//! storage, PS3.4 annexes A and B.
+//! The DICOM network: a provider of verification (C-ECHO), storage (C-STORE) and storage commitment,
+//! and a user of storage, PS3.4 annexes A, B and J.
 //!
 //! Associations are negotiated by dicom-ul. `message` has the commands, `receiver` the conversation,
-//! `inbox` the folder in which objects are durable before they are acknowledged, `sender` the other
-//! direction.
+//! `inbox` the folder in which objects are durable before they are acknowledged, `commitment` the
+//! reports about them, `sender` the other direction.
 
+mod commitment;
 mod inbox;
 mod message;
 mod receiver;

@@ -8,10 +8,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use dicom_ul::association::Association;
 use dicom_ul::association::server::{AccessControl, ServerAssociation, ServerAssociationOptions};
 use dicom_ul::pdu::{AssociationRJServiceUserReason, PDataValue, PDataValueType, Pdu, UserIdentity};
-use relief_dicom::{READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES};
+use relief_dicom::{CommitmentResult, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, read_commitment_request};
 
+use super::commitment::{COMMITMENT, report, report_to};
 use super::inbox::Inbox;
 use super::message::{LARGEST_COMMAND, Request, Status};
 
@@ -26,25 +28,43 @@ const LARGEST_PDU: u32 = 128 << 10;
 pub struct AllowedCaller {
     title: String,
     address: Option<IpAddr>,
+    /// Where its own provider listens.
+    port: Option<u16>,
 }
 
 /// Why a text is not a caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected a title of 1 to 16 characters, or TITLE@ADDRESS, such as PACS@10.0.0.7")]
+#[error(
+    "expected a title of 1 to 16 characters, TITLE@ADDRESS, or TITLE@ADDRESS:PORT, such as PACS@10.0.0.7:104"
+)]
 pub struct CallerError;
 
 impl FromStr for AllowedCaller {
     type Err = CallerError;
 
     fn from_str(text: &str) -> Result<Self, CallerError> {
-        let (title, address) = match text.split_once('@') {
-            Some((title, address)) => (title, Some(address.parse().map_err(|_| CallerError)?)),
-            None => (text, None),
+        let (title, address, port) = match text.split_once('@') {
+            None => (text, None, None),
+            Some((title, address)) => match address.parse::<SocketAddr>() {
+                Ok(address) => (title, Some(address.ip()), Some(address.port())),
+                Err(_) => (title, Some(address.parse().map_err(|_| CallerError)?), None),
+            },
         };
-        match is_title(title) {
-            true => Ok(Self { title: title.to_owned(), address }),
+        match is_title(title) && port != Some(0) {
+            true => Ok(Self { title: title.to_owned(), address, port }),
             false => Err(CallerError),
         }
+    }
+}
+
+impl AllowedCaller {
+    /// Where reports for it go, if its provider is known.
+    fn provider(&self) -> Option<SocketAddr> {
+        Some(SocketAddr::new(self.address?, self.port?))
+    }
+
+    fn is(&self, title: &str, address: IpAddr) -> bool {
+        self.title == title && self.address.is_none_or(|known| known == address)
     }
 }
 
@@ -188,9 +208,7 @@ impl AccessControl for KnownCallers<'_> {
         called: &str,
         _: Option<&UserIdentity>,
     ) -> Result<(), AssociationRJServiceUserReason> {
-        let is_known = |caller: &AllowedCaller| {
-            caller.title == calling.trim() && caller.address.is_none_or(|address| address == self.address)
-        };
+        let is_known = |caller: &AllowedCaller| caller.is(calling.trim(), self.address);
         if called.trim() != this {
             return Err(AssociationRJServiceUserReason::CalledAETitleNotRecognized);
         }
@@ -213,7 +231,8 @@ impl Shared {
             .strict(true)
             .read_timeout(PATIENCE)
             .write_timeout(PATIENCE)
-            .with_abstract_syntax(VERIFICATION);
+            .with_abstract_syntax(VERIFICATION)
+            .with_abstract_syntax(COMMITMENT);
         for class in READ_SOP_CLASSES {
             negotiation = negotiation.with_abstract_syntax(*class);
         }
@@ -221,12 +240,12 @@ impl Shared {
             negotiation = negotiation.with_transfer_syntax(*syntax);
         }
         match negotiation.establish(stream) {
-            Ok(association) => self.converse(association),
+            Ok(association) => self.converse(association, peer.ip().to_canonical()),
             Err(error) => tracing::warn!("a caller at {} is refused: {error}", peer.ip()),
         }
     }
 
-    fn converse(&self, mut association: ServerAssociation<TcpStream>) {
+    fn converse(&self, mut association: ServerAssociation<TcpStream>, address: IpAddr) {
         let mut message = Message::default();
         loop {
             let values = match association.receive() {
@@ -241,12 +260,16 @@ impl Shared {
                 let Some((context, request)) = message.push(value, self.options.object_bytes) else {
                     continue;
                 };
-                let response = match request {
+                let answer = match request {
+                    Ok(Request::Reported) => {
+                        message = Message::default();
+                        continue;
+                    }
                     Ok(request) => self.answer(&association, context, &request, &message.data_set),
                     Err(NotUnderstood) => None,
                 };
                 message = Message::default();
-                let Some(data) = response else {
+                let Some(Answer { data, commitment }) = answer else {
                     let _ = association.abort();
                     return;
                 };
@@ -259,21 +282,67 @@ impl Shared {
                 if association.send(&Pdu::PData { data: vec![value] }).is_err() {
                     return;
                 }
+                if let Some(result) = commitment {
+                    self.report(&mut association, context, address, &result);
+                }
             }
         }
     }
 
-    /// The response to a request; `None` where it has no place in this association.
+    /// Says which objects are kept: to the caller's provider where that is known, or in this
+    /// association.
+    fn report(
+        &self,
+        association: &mut ServerAssociation<TcpStream>,
+        context: u8,
+        address: IpAddr,
+        result: &CommitmentResult,
+    ) {
+        let title = association.peer_ae_title().trim().to_owned();
+        let caller = self.options.callers.iter().find(|caller| caller.is(&title, address));
+        let reported = match caller.and_then(AllowedCaller::provider) {
+            Some(provider) => report_to(provider, [&self.options.title, &title], result),
+            None => report(association, context, 1, result),
+        };
+        if let Err(error) = reported {
+            tracing::warn!("a report about storage commitment did not arrive: {error}");
+        }
+    }
+
+    /// The answer to a request; `None` where it has no place in this association.
     fn answer(
         &self,
         association: &ServerAssociation<TcpStream>,
         context: u8,
         request: &Request,
         data_set: &[u8],
-    ) -> Option<Vec<u8>> {
+    ) -> Option<Answer> {
         let negotiated = association.presentation_contexts().iter().find(|one| one.id == context)?;
+        let mut commitment = None;
         let status = match request {
+            Request::Reported => return None,
             Request::Echo { .. } => Status::Success,
+            Request::Commit { sop_class, .. } => {
+                if negotiated.abstract_syntax != COMMITMENT || sop_class != COMMITMENT {
+                    return None;
+                }
+                match read_commitment_request(&negotiated.transfer_syntax, data_set) {
+                    Err(error) => {
+                        tracing::warn!("a request for storage commitment is refused: {error}");
+                        Status::InvalidArgument
+                    }
+                    Ok(request) => match self.inbox.commit(request) {
+                        Ok(result) => {
+                            commitment = Some(result);
+                            Status::Success
+                        }
+                        Err(error) => {
+                            tracing::error!("the folder of received objects cannot be read: {error}");
+                            Status::OutOfResources
+                        }
+                    },
+                }
+            }
             Request::Store { sop_class, sop_instance, .. } => {
                 if *sop_class != negotiated.abstract_syntax {
                     return None;
@@ -281,8 +350,14 @@ impl Shared {
                 self.inbox.store(sop_class, sop_instance, &negotiated.transfer_syntax, data_set)
             }
         };
-        Some(request.response(status))
+        Some(Answer { data: request.response(status), commitment })
     }
+}
+
+/// A response, and the report that follows it.
+struct Answer {
+    data: Vec<u8>,
+    commitment: Option<CommitmentResult>,
 }
 
 /// A message while its fragments arrive.
@@ -310,7 +385,9 @@ impl Message {
                     return None;
                 }
                 match Request::read(&self.command) {
-                    Some(request @ Request::Echo { .. }) => Some((context, Ok(request))),
+                    Some(request @ (Request::Echo { .. } | Request::Reported)) => {
+                        Some((context, Ok(request)))
+                    }
                     Some(request) => {
                         self.request = Some(request);
                         None

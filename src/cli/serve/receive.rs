@@ -20,7 +20,7 @@ pub(crate) struct ReceptionArguments {
     receive: Option<PathBuf>,
     /// A caller that may send series, by its title and, better, its address; may be given several
     /// times
-    #[arg(long, value_name = "TITLE[@ADDRESS]", requires = "receive")]
+    #[arg(long, value_name = "TITLE[@ADDRESS[:PORT]]", requires = "receive")]
     receive_caller: Vec<AllowedCaller>,
     /// Address to receive series on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:11112", requires = "receive")]
