@@ -66,7 +66,7 @@ pub use report::{REPORT, write_report};
 pub use run::{Options, RunError, RunEvent, Seconds, Summary, run};
 pub use sink::Sink;
 pub use source::{LabelsSource, SeriesSource};
-pub use turntable::{FilmChoice, FilmError, FilmWriter};
+pub use turntable::{FilmChoice, FilmError, FilmWriter, turntable_capture};
 pub use views::{View, ViewSet};
 
 #[cfg(feature = "cluster")]

@@ -14,7 +14,7 @@ use super::manifest::Job;
 use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
-use super::turntable::FilmWriter;
+use super::turntable::{FilmWriter, turntable_capture};
 use crate::picture::open;
 use relief_display::encode_png;
 use relief_session::{Thumbnail, contact_sheet};
@@ -36,7 +36,7 @@ struct ReportedJob {
 pub const REPORT: &str = "report.html";
 
 /// Writes `report.html`, for each series with colours `contact-sheet.png` and, where it has one,
-/// its turntable as films, and the tables of datasets: beside the outputs, in a folder or a bucket.
+/// its turntable as films and as a DICOM object, and the tables of datasets: beside the outputs, in a folder or a bucket.
 ///
 /// # Errors
 /// When records cannot be read, or a file cannot be written.
@@ -58,6 +58,13 @@ pub fn write_report(
     series.par_iter().try_for_each(|(name, shown)| -> std::io::Result<()> {
         if let Some(sheet) = sheet(shown) {
             out.put(&format!("{name}/contact-sheet.png"), sheet)?;
+        }
+        for product in [Product::Capture, Product::AnnotatedCapture] {
+            match turntable_capture(out, &turns(name, shown, product)) {
+                Ok(Some(object)) => out.put(&format!("{name}/turntable.{}", product.ending()), object)?,
+                Ok(None) => {}
+                Err(error) => tracing::warn!("{name}: the turntable is no DICOM object: {error}"),
+            }
         }
         films.write_frames(out, name, &turns(name, shown, Product::Frame))?;
         films.write(out, name, &turns(name, shown, Product::Color))

@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 use std::str::FromStr;
 
 use image::{DynamicImage, RgbImage};
+use relief_dicom::join_captures;
 use relief_film::{FilmCodec, FrameRate};
 
 use super::sink::Sink;
@@ -134,6 +135,23 @@ impl FilmWriter {
         }
         Ok(())
     }
+}
+
+/// The captures of a turntable, these outputs of a series, as one DICOM object of several frames;
+/// `None` for fewer than two.
+///
+/// # Errors
+/// When a file cannot be read, is missing, or is no capture, and when the object is too large.
+pub fn turntable_capture(out: &Sink, turns: &[String]) -> std::io::Result<Option<Vec<u8>>> {
+    if turns.len() < 2 {
+        return Ok(None);
+    }
+    let read = |name: &String| -> std::io::Result<Vec<u8>> {
+        let missing = || std::io::Error::new(std::io::ErrorKind::NotFound, format!("{name} is missing"));
+        out.read(name, LARGEST_PICTURE)?.ok_or_else(missing)
+    };
+    let captures = turns.iter().map(read).collect::<std::io::Result<Vec<_>>>()?;
+    join_captures(&captures, f64::from(TURN_MS)).map(Some).map_err(std::io::Error::other)
 }
 
 /// Pictures as an animated PNG: their own compressed pixels one after the other, as they are (PNG,

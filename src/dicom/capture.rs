@@ -86,6 +86,51 @@ pub enum CaptureError {
     /// The object could not be put into bytes.
     #[error("the pictures cannot be encoded")]
     Encoding(#[source] EncodeError),
+    /// A file to join is not a picture that [`write_capture`] wrote.
+    #[error("file {number} is not a Secondary Capture of one picture")]
+    NoCapture {
+        /// Its number, from 1.
+        number: usize,
+    },
+}
+
+/// One multi-frame object with the pictures of several objects that [`write_capture`] wrote, of
+/// one picture each and of the same series. `frame_ms` is the time from one picture to the next.
+///
+/// # Errors
+/// When a file is something else, and as for [`write_capture`].
+pub fn join_captures(files: &[Vec<u8>], frame_ms: f64) -> Result<Vec<u8>, CaptureError> {
+    let mut first = None;
+    let mut pictures = Vec::new();
+    for (place, file) in files.iter().enumerate() {
+        let (object, picture) = read_capture(file).ok_or(CaptureError::NoCapture { number: place + 1 })?;
+        first.get_or_insert(object);
+        pictures.push(picture);
+    }
+    let mut object = first.ok_or(CaptureError::Nothing)?;
+    checked(&pictures)?;
+    let content = pictures.iter().map(|picture| &*picture.rgb);
+    let instance = uid_of(b"captures, joined", content.chain([&frame_ms.to_le_bytes()[..]]));
+    put(&mut object, tags::SOP_INSTANCE_UID, VR::UI, &instance);
+    if pictures.len() > 1 {
+        let class = uids::MULTI_FRAME_TRUE_COLOR_SECONDARY_CAPTURE_IMAGE_STORAGE;
+        put(&mut object, tags::SOP_CLASS_UID, VR::UI, class);
+    }
+    put_frames(&mut object, &pictures, frame_ms);
+    file_bytes(object, false).map_err(CaptureError::Encoding)
+}
+
+/// The attributes and the picture of an object of one picture; `None` for something else.
+fn read_capture(file: &[u8]) -> Option<(InMemDicomObject, CapturedPicture)> {
+    let object = dicom_object::from_reader(file).ok()?.into_inner();
+    let class = object.get(tags::SOP_CLASS_UID)?.to_str().ok()?;
+    let [width, height] =
+        [tags::COLUMNS, tags::ROWS].map(|tag| object.get(tag).and_then(|side| side.to_int::<u16>().ok()));
+    let size_px = [u32::from(width?), u32::from(height?)];
+    let bytes = object.get(tags::PIXEL_DATA)?.to_bytes().ok()?;
+    let rgb = bytes.get(..3 * size_px[0] as usize * size_px[1] as usize)?.to_vec();
+    let is_one = class.trim_end_matches(['\0', ' ']) == uids::SECONDARY_CAPTURE_IMAGE_STORAGE;
+    is_one.then_some((object, CapturedPicture { size_px, rgb }))
 }
 
 /// An object with the pictures, which are frames of it where there are several.
@@ -102,12 +147,6 @@ pub fn write_capture(
     series.put_patient_and_study(&mut object);
     put_equipment(&mut object);
     put_identity(&mut object, pictures, series, options);
-    if pictures.len() > 1 {
-        put(&mut object, tags::NUMBER_OF_FRAMES, VR::IS, &pictures.len().to_string());
-        put(&mut object, tags::FRAME_TIME, VR::DS, &decimal_string(options.frame_ms));
-        let pointer = PrimitiveValue::Tags(dicom_core::smallvec::smallvec![tags::FRAME_TIME]);
-        object.put_element(DataElement::new(tags::FRAME_INCREMENT_POINTER, VR::AT, pointer));
-    }
     put_numbers(&mut object, tags::COLUMNS, &[size_px[0]]);
     put_numbers(&mut object, tags::ROWS, &[size_px[1]]);
     put(&mut object, tags::PHOTOMETRIC_INTERPRETATION, VR::CS, "RGB");
@@ -120,10 +159,21 @@ pub fn write_capture(
         (tags::PIXEL_REPRESENTATION, 0),
     ];
     numbers.into_iter().for_each(|(tag, number)| put_numbers(&mut object, tag, &[number]));
+    put_frames(&mut object, pictures, options.frame_ms);
+    file_bytes(object, false).map_err(CaptureError::Encoding)
+}
+
+/// The pixels, and how several pictures follow one another.
+fn put_frames(object: &mut InMemDicomObject, pictures: &[CapturedPicture], frame_ms: f64) {
+    if pictures.len() > 1 {
+        put(object, tags::NUMBER_OF_FRAMES, VR::IS, &pictures.len().to_string());
+        put(object, tags::FRAME_TIME, VR::DS, &decimal_string(frame_ms));
+        let pointer = PrimitiveValue::Tags(dicom_core::smallvec::smallvec![tags::FRAME_TIME]);
+        object.put_element(DataElement::new(tags::FRAME_INCREMENT_POINTER, VR::AT, pointer));
+    }
     let mut bytes = pictures.iter().map(|picture| &*picture.rgb).collect::<Vec<_>>().concat();
     bytes.resize(bytes.len().next_multiple_of(2), 0);
     object.put_element(DataElement::new(tags::PIXEL_DATA, VR::OB, PrimitiveValue::from(bytes)));
-    file_bytes(object, false).map_err(CaptureError::Encoding)
 }
 
 /// The size of all pictures, as attributes hold it.

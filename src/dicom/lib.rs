@@ -64,7 +64,7 @@ mod write;
 
 pub use crate::progress::Progress;
 pub use crate::progress::Stage;
-pub use capture::{CaptureError, CaptureOptions, CapturedPicture, write_capture};
+pub use capture::{CaptureError, CaptureOptions, CapturedPicture, join_captures, write_capture};
 pub use commitment::{
     COMMITMENT_TRANSFER_SYNTAXES, CommitmentRequest, CommitmentResult, ReferencedObject,
     read_commitment_request, write_commitment_result,

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use dicom_dictionary_std::tags;
 use serde_json::{Value, json};
 
 use super::orthanc::{Orthanc, Wanted};
@@ -185,7 +186,7 @@ fn captures_of_a_batch_are_stored_once() {
     let planned = |products: &str| {
         let jobs = folder.path().join(format!("{products}.jsonl"));
         let mut plan =
-            relief(&["batch", "plan", "--views", "turntable:2", "--preset", "bone", "--size", "64x48"]);
+            relief(&["batch", "plan", "--views", "turntable:3,sides", "--preset", "bone", "--size", "64x48"]);
         plan.args(["--products", products, "--root"]).arg(&series).arg("--annotations").arg(&log);
         succeeded(&plan.arg("--out").arg(&jobs).output().unwrap());
         jobs
@@ -199,8 +200,9 @@ fn captures_of_a_batch_are_stored_once() {
         serde_json::from_str::<Value>(&succeeded(&run(jobs))).unwrap()["sent"].clone()
     };
     let counts = |stored: u32, there: u32| json!({ "stored": stored, "already_there": there, "refused": 0 });
-    assert_eq!(sent(&jobs), counts(4, 0));
-    assert_eq!(sent(&jobs), counts(0, 4), "a repeat");
+    // Six sides and a turntable, without and with annotations.
+    assert_eq!(sent(&jobs), counts(14, 0));
+    assert_eq!(sent(&jobs), counts(0, 14), "a repeat");
     let without = run(&planned("color"));
     let said = String::from_utf8_lossy(&without.stderr).into_owned();
     assert!(!without.status.success() && said.contains("--products capture"), "{said}");
@@ -208,17 +210,43 @@ fn captures_of_a_batch_are_stored_once() {
     let listed = orthanc.relief(&["inspect", &orthanc.address(""), "--json"]).output().unwrap();
     let listed: Vec<Value> = serde_json::from_str(&succeeded(&listed)).unwrap();
     let captures = listed.iter().filter(|one| one["modality"] == "OT");
-    assert_eq!(captures.map(|one| one["instances"].as_u64().unwrap()).sum::<u64>(), 4, "{listed:?}");
+    assert_eq!(captures.map(|one| one["instances"].as_u64().unwrap()).sum::<u64>(), 14, "{listed:?}");
     assert!(listed.iter().all(|one| one["study_uid"] == listed[0]["study_uid"]), "{listed:?}");
     let views = walkdir::WalkDir::new(folder.path().join("views")).into_iter().map(|entry| entry.unwrap());
     let objects: Vec<PathBuf> = views
         .map(walkdir::DirEntry::into_path)
         .filter(|path| path.extension().is_some_and(|ending| ending == "dcm"))
         .collect();
-    assert_eq!(objects.len(), 4, "{objects:?}");
+    assert_eq!(objects.len(), 2 * (6 + 3 + 1), "{objects:?}");
+    turntable_has_the_frames_of_its_views(&objects);
     for object in objects {
         if let Some(errors) = dciodvfy(&object) {
             assert_eq!(errors, [""; 0], "{}", object.display());
         }
+    }
+}
+
+/// As the DICOM library reads them.
+fn turntable_has_the_frames_of_its_views(objects: &[PathBuf]) {
+    let pixels = |path: &Path| {
+        let object = dicom_object::open_file(path).unwrap();
+        let frames = object.get(tags::NUMBER_OF_FRAMES).map(|frames| frames.to_int::<u32>().unwrap());
+        (frames, object.element(tags::PIXEL_DATA).unwrap().to_bytes().unwrap().into_owned())
+    };
+    let named = |start: &str, end: &str| {
+        let named = |path: &&PathBuf| {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            name.starts_with(start) && name.ends_with(end)
+        };
+        let mut found: Vec<_> = objects.iter().filter(named).collect();
+        found.sort();
+        found
+    };
+    for ending in [".capture.dcm", ".annotated-capture.dcm"] {
+        let turns = named("turntable-", ending);
+        let joined = pixels(named("turntable.", ending)[0]);
+        let expected: Vec<u8> = turns.iter().flat_map(|path| pixels(path).1).collect();
+        assert_eq!((turns.len(), joined.0), (3, Some(3)));
+        assert!(joined.1 == expected, "{ending}");
     }
 }

@@ -1,8 +1,10 @@
 //! `relief batch run --send`: DICOM objects of finished jobs, stored in an archive.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, bail};
 use relief_archive::{ArchiveAddress, StoreOutcome};
-use relief_batch::{Copies, Job, Record, Sink};
+use relief_batch::{Copies, Job, Product, Record, Sink, turntable_capture};
 use serde::Serialize;
 
 use crate::send::outgoing;
@@ -37,7 +39,8 @@ pub(super) fn expect_objects(jobs: &[Job]) -> anyhow::Result<()> {
     )
 }
 
-/// Stores the objects of all jobs that are done. An object that the archive has is not sent again.
+/// Stores the objects of all jobs that are done; those of a turntable as one object of several
+/// frames, when all its views are done. An object that the archive has is not sent again.
 pub(super) fn send(
     jobs: &[Job],
     out: &Sink,
@@ -45,30 +48,68 @@ pub(super) fn send(
     archive: &ArchiveAddress,
 ) -> anyhow::Result<SentObjects> {
     let mut sent = SentObjects::default();
-    for job in jobs.iter().filter(|job| job.products.iter().any(|product| product.is_object())) {
-        let Some(record) = Record::of_done(job, out) else { continue };
-        let objects = job.products.iter().filter(|product| product.is_object());
-        for name in objects.filter_map(|&product| record.output(product)) {
-            let about =
-                || format!("cannot send {}/{name}; run again to send what is missing", job.series.name);
-            let file = out.read(&format!("{}/{name}", job.series.name), LARGEST).with_context(about)?;
-            let object = outgoing(file.with_context(about)?).with_context(about)?;
-            match copies.store_in_archive(archive, &object).with_context(about)? {
-                StoreOutcome::Stored => sent.stored += 1,
-                StoreOutcome::AlreadyThere => sent.already_there += 1,
-                StoreOutcome::Refused { reason } => {
-                    sent.refused += 1;
-                    let reason =
-                        reason.map_or_else(String::new, |reason| format!(" (failure reason {reason:#06x})"));
-                    eprintln!("refused: {}/{name}{reason}", job.series.name);
-                }
+    let mut turntables: BTreeMap<(&str, Product), Turntable> = BTreeMap::new();
+    for job in jobs {
+        let series = &*job.series.name;
+        let record = Record::of_done(job, out);
+        for &product in job.products.iter().filter(|product| product.is_object()) {
+            let output = record.as_ref().and_then(|record| record.output(product));
+            let file = output.map(|output| format!("{series}/{output}"));
+            if job.group == "turntable" {
+                let turntable = turntables.entry((series, product)).or_default();
+                turntable.missing += usize::from(file.is_none());
+                turntable.files.extend(file);
+            } else if let Some(file) = file {
+                let about = || failure(&file);
+                let object = out.read(&file, LARGEST).with_context(about)?.with_context(about)?;
+                sent.count(&file, store(copies, archive, object).with_context(about)?);
             }
+        }
+    }
+    for ((series, product), Turntable { files, missing }) in turntables {
+        let name = format!("{series}/turntable.{}", product.ending());
+        let about = || failure(&name);
+        if missing > 0 {
+            eprintln!("not sent: {name}, {missing} of its {} views are not done", files.len() + missing);
+        } else if let Some(object) = turntable_capture(out, &files).with_context(about)? {
+            sent.count(&name, store(copies, archive, object).with_context(about)?);
+        } else if let [file] = &*files {
+            let object = out.read(file, LARGEST).with_context(about)?.with_context(about)?;
+            sent.count(file, store(copies, archive, object).with_context(about)?);
         }
     }
     Ok(sent)
 }
 
+/// The captures of a turntable, in its order, and the number of those that are not done.
+#[derive(Default)]
+struct Turntable {
+    files: Vec<String>,
+    missing: usize,
+}
+
+fn failure(name: &str) -> String {
+    format!("cannot send {name}; run again to send what is missing")
+}
+
+fn store(copies: &Copies, archive: &ArchiveAddress, object: Vec<u8>) -> anyhow::Result<StoreOutcome> {
+    Ok(copies.store_in_archive(archive, &outgoing(object)?)?)
+}
+
 impl SentObjects {
+    fn count(&mut self, name: &str, outcome: StoreOutcome) {
+        match outcome {
+            StoreOutcome::Stored => self.stored += 1,
+            StoreOutcome::AlreadyThere => self.already_there += 1,
+            StoreOutcome::Refused { reason } => {
+                self.refused += 1;
+                let reason =
+                    reason.map_or_else(String::new, |reason| format!(" (failure reason {reason:#06x})"));
+                eprintln!("refused: {name}{reason}");
+            }
+        }
+    }
+
     /// The outcome in words.
     pub(super) fn describe(&self) -> String {
         let Self { stored, already_there, refused } = self;
