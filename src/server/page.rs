@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 85] = [
+const FILES: [(&str, &str, &str); 86] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -90,6 +90,7 @@ const FILES: [(&str, &str, &str); 85] = [
     ("/wand.css", STYLE, include_str!("page/wand/wand.css")),
     ("/wand.js", SCRIPT, include_str!("page/wand/wand.js")),
     ("/attitude.js", SCRIPT, include_str!("page/wand/attitude.js")),
+    ("/space.js", SCRIPT, include_str!("page/wand/space.js")),
     ("/monitor.js", SCRIPT, include_str!("page/kiosk/monitor.js")),
     ("/annotate/annotate.css", STYLE, include_str!("page/annotate/annotate.css")),
     ("/annotate/api.js", SCRIPT, include_str!("page/annotate/api.js")),

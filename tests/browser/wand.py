@@ -34,8 +34,9 @@ def decoded(page):
 class Phone:
     """A phone with the page of an address, and with sensors that are set."""
 
-    def __init__(self, browser, address):
+    def __init__(self, browser, address, script=""):
         self.context = browser.new_context(**PHONE, ignore_https_errors=True)
+        self.context.add_init_script(script)
         self.page = self.context.new_page()
         self.problems = []
         self.page.on("pageerror", lambda error: self.problems.append(error.message))
@@ -137,6 +138,59 @@ def driven(browser, server):
     return seen
 
 
+#: A phone that WebXR tracks, as a script: window.held(position, orientation) is where it is, in m; nothing is not known.
+TRACKED = """
+  let pose = null;
+  let step = null;
+  const session = new EventTarget();
+  Object.assign(session, {
+    updateRenderState: async () => {},
+    requestReferenceSpace: async (kind) => kind,
+    requestAnimationFrame: (next) => { step = next; },
+    end: () => session.dispatchEvent(new Event("end")),
+  });
+  window.XRWebGLLayer = class {};
+  const xr = { isSessionSupported: async (mode) => mode === "immersive-ar", requestSession: async () => session };
+  Object.defineProperty(navigator, "xr", { value: xr });
+  window.held = (position, orientation) => {
+    const [[x, y, z], [qx, qy, qz, qw]] = [position ?? [0, 0, 0], orientation ?? [0, 0, 0, 1]];
+    pose = position && { transform: { position: { x, y, z }, orientation: { x: qx, y: qy, z: qz, w: qw } } };
+    step?.(0, { getViewerPose: (space) => (space === "local" ? pose : null) });
+  };
+"""
+
+
+def tracked(browser, server):
+    """What the view is after a phone that is tracked in space was moved and turned with Turn held."""
+    window = Window(browser, server, "/kiosk?view=space&preset=bone&size=960x540")
+    window.wait("document.documentElement.dataset.still === 'true'")
+    phone = Phone(browser, f"{server.url}/wand?view=space", TRACKED)
+    phone.until("document.documentElement.dataset.connection === 'live' && !document.getElementById('space').hidden")
+    seen = {"violations": accessibility(phone)["violations"]}
+    phone.page.click("#space")
+    phone.until("document.getElementById('space').getAttribute('aria-pressed') === 'true'")
+    phone.page.evaluate("held(null)")
+    seen["unknown"] = phone.page.inner_text("#hint")
+    seen["before"] = settled(window)
+    # Held upright; moved to the right by 40 mm and up by 20 mm, then turned to the left by 30 degrees as well.
+    phone.page.evaluate("held([0, 0, 0], [0, 0, 0, 1])")
+    box = phone.page.locator("#turn").bounding_box()
+    phone.page.mouse.move(box["x"] + 20, box["y"] + 20)
+    phone.page.mouse.down()
+    for share in range(1, 5):
+        phone.page.evaluate(f"held([{0.01 * share}, {0.005 * share}, 0], [0, 0, 0, 1])")
+        phone.page.wait_for_timeout(60)
+    seen["moved"] = settled(window)
+    phone.page.evaluate("held([0.04, 0.02, 0], [0, Math.sin(Math.PI / 12), 0, Math.cos(Math.PI / 12)])")
+    phone.page.wait_for_timeout(300)
+    phone.page.mouse.up()
+    seen["turned"] = settled(window)
+    phone.page.click("#space")
+    phone.until("document.getElementById('space').getAttribute('aria-pressed') === 'false'")
+    seen["problems"] = window.problems + phone.problems
+    return seen
+
+
 #: A SpaceMouse behind WebHID, as a script: window.cap(id, numbers) is a report.
 CAP = """
   const device = new EventTarget();
@@ -221,7 +275,8 @@ with sync_playwright() as playwright:
     browser = launched(playwright, CHROMIUM)
     server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "wand.db"))
     try:
-        print(json.dumps({"open": driven(browser, server), "cap": capped(browser, server), "guarded": guarded(browser)}))
+        seen = {"open": driven(browser, server), "space": tracked(browser, server), "cap": capped(browser, server)}
+        print(json.dumps({**seen, "guarded": guarded(browser)}))
     finally:
         server.kill()
     browser.close()

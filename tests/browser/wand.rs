@@ -51,6 +51,22 @@ fn a_phone_turns_points_and_places() {
     assert!(guarded["second"].as_str().unwrap().contains("Scan a new code"), "{guarded}");
 }
 
+/// Invariant: A phone that WebXR tracks moves and turns the volume as the hand does.
+#[test]
+fn a_phone_in_space_moves_and_turns() {
+    let Some(seen) = seen() else { return skipped("a phone that is tracked in space") };
+    let space = &seen["space"];
+    assert_eq!((&space["problems"], &space["violations"]), (&json!([]), &json!([])));
+    assert!(space["unknown"].as_str().unwrap().contains("does not know where it is"), "{space}");
+    let look_at = |state: &str| DVec3::from_slice(&numbers(&space[state]["look_at_mm"]));
+    // The volume goes with the hand, so that the view goes the other way.
+    let by = patient_from_view(&space["before"]).inverse() * (look_at("moved") - look_at("before"));
+    assert!((by - DVec3::new(-40.0, -20.0, 0.0)).length() < 0.5, "{by} mm");
+    let turn = patient_from_view(&space["turned"]).inverse() * patient_from_view(&space["moved"]);
+    let apart = turn.angle_between(DQuat::from_rotation_y(30f64.to_radians())).to_degrees();
+    assert!(apart < 0.1, "{turn} is {apart} degrees away");
+}
+
 /// Invariant: A SpaceMouse behind WebHID turns the view about the axis of its cap, and moves the
 /// cursor along it.
 #[test]

@@ -34,6 +34,14 @@ export const earthFromPhone = ({ alpha, beta, gamma }) => times(times(about(2, a
 /** Direction in which a phone points, in Earth's axes: from lying flat (its top edge) to upright (its back). */
 const forwardOf = (earth) => rotated(earth, [0, Math.SQRT1_2, -Math.SQRT1_2]);
 
+/** The same from the orientation of WebXR, in the axes of the phone at the start (x right, y up, z towards the user). */
+export const earthFromSpace = (orientation) => times(about(0, 90), orientation);
+
+/** A position in those axes, in the axes of the view, for a screen that lies in the direction `heading`. */
+export function viewFromSpace(position, heading) {
+  return rotated(times(about(0, -90), times(about(2, -heading), about(0, 90))), position);
+}
+
 /** Heading of the phone, degrees from north to the west. */
 export function headingOf(earth) {
   const [east, north] = forwardOf(earth);

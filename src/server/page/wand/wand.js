@@ -4,8 +4,9 @@
 // The address names the view, and has a ticket where the server knows its callers. The page takes no
 // frames: it acknowledges none, so the server sends it two and no more.
 
-import { earthFromPhone, headingOf, pitchOf, viewFromPhone } from "./attitude.js";
+import { earthFromPhone, earthFromSpace, headingOf, pitchOf, viewFromPhone, viewFromSpace } from "./attitude.js";
 import { readHeader } from "./frame.js";
+import { canTrack, track } from "./space.js";
 
 const $ = (id) => document.getElementById(id);
 const parameters = new URLSearchParams(location.search);
@@ -18,7 +19,6 @@ const PAD_A_HEIGHT = 900;
 const BUZZ_MS = 20;
 /** Landmarks go to the steepest rise of values near the cursor. */
 const SNAP = { to: "gradient", radius_mm: 3 };
-const HAND = { position_mm: [0, 0, 0] };
 
 let seq = 0;
 /** Full size of the picture, pixels. */
@@ -27,6 +27,9 @@ let full = null;
 let cursor = null;
 /** The newest attitude of the phone. */
 let earth = null;
+/** Where the phone is, m, while the browser tracks it in space; the end of that. */
+let position = null;
+let endTracking = null;
 /** Whether the view was set to keep annotations. */
 let places = false;
 /** The button that is held (Turn or Point), and the attitude and the cursor at its beginning. */
@@ -91,7 +94,7 @@ function learn(buffer) {
 // ---------------------------------------------------------------- sensors
 
 function sense(event) {
-  if (event.alpha === null) return; // a machine without sensors
+  if (event.alpha === null || endTracking) return; // a machine without sensors, or a better one
   earth = earthFromPhone(event);
   $("sensors").hidden = true;
   document.documentElement.dataset.sensors = "on";
@@ -111,7 +114,42 @@ function listen() {
   else $("hint").textContent = "A page without https has no sensors. Use the pad; relief serve --tls-self-signed serves https.";
 }
 
+/** Takes poses in space in place of the sensors, until it is pressed again. */
+async function trackInSpace() {
+  if (endTracking) return endTracking();
+  const follow = (pose) => {
+    $("hint").textContent = pose ? "Turn moves the volume, too." : "The phone does not know where it is. Point it at something with edges.";
+    if (!pose) return;
+    [earth, position] = [earthFromSpace(pose.orientation), pose.position];
+    document.documentElement.dataset.sensors = "space";
+    move();
+  };
+  const ended = () => {
+    release();
+    [position, endTracking] = [null, null];
+    $("space").setAttribute("aria-pressed", "false");
+    $("hint").textContent = "Hold a button and move the phone.";
+  };
+  try {
+    endTracking = await track(document.body, follow, ended);
+    $("space").setAttribute("aria-pressed", "true");
+  } catch (error) {
+    $("hint").textContent = `The phone cannot be tracked in space: ${error.message}`;
+  }
+}
+
+canTrack().then((can) => {
+  $("space").hidden = !can;
+});
+$("space").addEventListener("click", trackInSpace);
+
 // ---------------------------------------------------------------- commands
+
+/** The hand for `grab` and `move`: where and how the phone is held, in the axes of the view. */
+function hand({ heading }) {
+  const position_mm = position ? viewFromSpace(position, heading).map((metres) => 1000 * metres) : [0, 0, 0];
+  return { position_mm, orientation_xyzw: viewFromPhone(earth, heading) };
+}
 
 /** The attitude and the cursor from which a movement starts. */
 const anchor = () => (earth ? { heading: headingOf(earth), pitch: pitchOf(earth), cursor } : {});
@@ -123,7 +161,7 @@ function hold(name) {
   }
   held = { name, ...anchor() };
   $(name).classList.add("held");
-  if (name === "turn") intent("grab", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading), mode: "rotate" });
+  if (name === "turn") intent("grab", { ...hand(held), mode: position ? "both" : "rotate" });
 }
 
 function release() {
@@ -133,7 +171,7 @@ function release() {
 }
 
 function move() {
-  if (held?.name === "turn") intent("move", { ...HAND, orientation_xyzw: viewFromPhone(earth, held.heading) });
+  if (held?.name === "turn") intent("move", hand(held));
   if (placing?.cursor) pointFrom(placing, PRECISE_GAIN);
   else if (held?.name === "point" && held.cursor) pointFrom(held, 1);
 }
