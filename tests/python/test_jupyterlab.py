@@ -132,6 +132,25 @@ class Widget(unittest.TestCase):
         box = canvas.bounding_box()
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
+    def run_all(self):
+        """Runs all cells. JupyterLab forgets to while it connects to the kernel, or asks which kernel to use: then once more."""
+        page = self.page
+        begun = "[...document.querySelectorAll('.jp-InputPrompt')].some((one) => /[*0-9]/.test(one.textContent))"
+        dialog = page.locator(".jp-Dialog .jp-mod-accept")
+        for _ in range(20):
+            if dialog.count():
+                dialog.first.click()
+            else:
+                page.get_by_role("menuitem", name="Run", exact=True).click()
+                page.get_by_role("menuitem", name=re.compile("^Run All Cells")).click()
+            for _ in range(30):
+                page.wait_for_timeout(100)
+                if page.evaluate(begun):
+                    return
+                if dialog.count():
+                    break
+        self.fail(f"JupyterLab runs no cell: {page.inner_text('body')}")
+
     def run_code(self, text):
         """Runs code in a new cell at the end; gives what it prints."""
         page = self.page
@@ -149,8 +168,7 @@ class Widget(unittest.TestCase):
         page = self.page
         page.wait_for_selector(".jp-Notebook .jp-Cell", timeout=60000)
         page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status=idle]", timeout=60000)
-        page.get_by_role("menuitem", name="Run", exact=True).click()
-        page.get_by_role("menuitem", name=re.compile("^Run All Cells")).click()
+        self.run_all()
         self.wait(f"{CANVAS}?.dataset.frame && document.querySelector('.relief-bar select').value === 'bone'", 60)
 
         # The notebook ends with this view: its camera looks from there, and its picture is that of the camera.
