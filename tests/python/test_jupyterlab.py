@@ -94,8 +94,10 @@ class Widget(unittest.TestCase):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         self.addCleanup(browser.close)
         self.page = browser.new_page(viewport={"width": 1200, "height": 1400})
-        self.problems = []
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.problems, self.ran = [], 0
+        # JupyterLab's own: it forgets the answer to a request for a thread of the kernel.
+        own = "create_subshell_request"
+        self.page.on("pageerror", lambda error: None if own in str(error) else self.problems.append(str(error)))
         self.page.goto(lab.url)
 
     def wait(self, condition, seconds=30):
@@ -103,8 +105,7 @@ class Widget(unittest.TestCase):
         end = time.monotonic() + seconds
         while not self.page.evaluate(f"Boolean({condition})"):
             if time.monotonic() > end:
-                self.shot("jupyter-stuck")
-                self.fail(f"after {seconds} s still not: {condition}")
+                self.fail(f"after {seconds} s still not: {condition}; the page has: {self.page.inner_text('.jp-Notebook')}")
             self.page.wait_for_timeout(100)
 
     def shot(self, name):
@@ -113,16 +114,26 @@ class Widget(unittest.TestCase):
             self.page.screenshot(path=f"{SHOTS}/{name}.png")
 
     def picture(self):
-        """The canvas, once it is at rest."""
-        last = None
-        while True:
-            self.page.wait_for_timeout(700)
-            number = self.page.evaluate(f"{CANVAS}.dataset.frame")
-            if number == last:
-                break
-            last = number
+        """The pixels of the canvas."""
         data = self.page.evaluate(f"{CANVAS}.toDataURL('image/png')").split(",")[1]
         return numpy.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
+
+    def shows(self, expected, least_db):
+        """Waits until the canvas shows a picture."""
+        for _ in range(100):
+            self.page.wait_for_timeout(300)
+            found = psnr(self.picture(), expected)
+            if found > least_db:
+                return
+        self.fail(f"the canvas is {found:.1f} dB from what is expected, not {least_db}")
+
+    def shows_another(self, than, most_db):
+        """Waits until the canvas shows another picture."""
+        for _ in range(100):
+            self.page.wait_for_timeout(300)
+            if psnr(self.picture(), than) < most_db:
+                return
+        self.fail("the canvas shows the same picture")
 
     def middle(self):
         """The middle of the canvas in the window, scrolled to."""
@@ -133,34 +144,35 @@ class Widget(unittest.TestCase):
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def run_all(self):
-        """Runs all cells. JupyterLab forgets to while it connects to the kernel, or asks which kernel to use: then once more."""
+        """Runs all cells. JupyterLab drops cells while it connects to the kernel, or asks which kernel to use: then once more."""
         page = self.page
-        begun = "[...document.querySelectorAll('.jp-InputPrompt')].some((one) => /[*0-9]/.test(one.textContent))"
         dialog = page.locator(".jp-Dialog .jp-mod-accept")
-        for _ in range(20):
+        prompts = "[...document.querySelectorAll('.jp-CodeCell .jp-InputPrompt')].map((one) => one.textContent)"
+        for _ in range(12):
             if dialog.count():
                 dialog.first.click()
-            else:
-                page.get_by_role("menuitem", name="Run", exact=True).click()
-                page.get_by_role("menuitem", name=re.compile("^Run All Cells")).click()
-            for _ in range(30):
-                page.wait_for_timeout(100)
-                if page.evaluate(begun):
-                    return
-                if dialog.count():
-                    break
-        self.fail(f"JupyterLab runs no cell: {page.inner_text('body')}")
+                page.wait_for_timeout(500)
+                continue
+            page.get_by_role("menuitem", name="Run", exact=True).click()
+            page.get_by_role("menuitem", name=re.compile("^Run All Cells")).click()
+            page.wait_for_timeout(1000)
+            self.wait(f"!{prompts}.some((text) => text.includes('*')) || document.querySelector('.jp-Dialog')")
+            if page.evaluate(f"{prompts}.every((text) => /[0-9]/.test(text))"):
+                return
+        self.fail(f"JupyterLab does not run the cells: {page.inner_text('.jp-Notebook')}")
 
     def run_code(self, text):
         """Runs code in a new cell at the end; gives what it prints."""
         page = self.page
+        self.ran += 1
+        mark = f"end of {self.ran}"
         page.locator(".jp-Notebook .jp-Cell").last.click(position={"x": 8, "y": 8})
         page.keyboard.press("Escape")
         page.keyboard.press("b")
         page.keyboard.press("Enter")
-        page.keyboard.insert_text(text + "\nprint('done')")
+        page.keyboard.insert_text(f"{text}\nprint({mark!r})")
         page.keyboard.press("Shift+Enter")
-        output = page.locator(".jp-OutputArea-output pre", has_text="done").last
+        output = page.locator(".jp-OutputArea-output pre", has_text=mark).last
         output.wait_for(timeout=60000)
         return output.inner_text()
 
@@ -174,7 +186,7 @@ class Widget(unittest.TestCase):
         # The notebook ends with this view: its camera looks from there, and its picture is that of the camera.
         volume = relief.phantom("head", 128)
         scene = {"shading": {"ambient": 0.3}}
-        shown = self.picture()
+        self.page.wait_for_timeout(2000)
         camera = json.loads(self.run_code("import json; print(json.dumps(viewer.camera))").splitlines()[0])
         towards = numpy.subtract(camera["eye_mm"], camera["look_at_mm"])
         azimuth, elevation = numpy.radians([40, 15])
@@ -182,14 +194,13 @@ class Widget(unittest.TestCase):
         direction = [numpy.sin(azimuth) * cosine, -numpy.cos(azimuth) * cosine, numpy.sin(elevation)]
         numpy.testing.assert_allclose(towards / numpy.linalg.norm(towards), direction, atol=1e-5)
         expected = volume.render(scene, preset="bone", camera=camera, size=(640, 480)).color[..., :3]
-        self.assertEqual(shown.shape, expected.shape)
-        self.assertGreater(psnr(shown, expected), 33)
+        self.shows(expected, 33)
         self.shot("jupyter-bone")
 
         # A preset of the menu brings its own light.
         page.locator(".relief-bar select").select_option("skin")
         front = volume.render(preset="skin", camera=camera, size=(640, 480))
-        self.assertGreater(psnr(self.picture(), front.color[..., :3]), 33)
+        self.shows(front.color[..., :3], 33)
 
         # A click sets the cursor where the picture's own pick is.
         page.mouse.click(*self.middle())
@@ -205,20 +216,19 @@ class Widget(unittest.TestCase):
         for step in range(1, 11):
             page.mouse.move(middle[0] + 10 * step, middle[1])
         page.mouse.up()
-        after = self.picture()
-        self.assertLess(psnr(before, after), 30)
+        self.shows_another(before, 30)
+        self.page.wait_for_timeout(2000)
         text = self.run_code("print(json.dumps(viewer.camera))")
         turned = volume.render(preset="skin", camera=json.loads(text.splitlines()[0]), size=(640, 480)).color[..., :3]
-        self.assertGreater(psnr(after, turned), 25, "the cursor is drawn into the one, not into the other")
+        self.shows(turned, 25)  # the cursor is drawn into the one, not into the other
         self.shot("jupyter-skin")
 
         # Keys and the button.
         page.locator(".relief-picture").focus()
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("+")
-        self.assertLess(psnr(self.picture(), after), 40)
+        self.shows_another(turned, 24)
         page.get_by_role("button", name="Reset view").click()
-        self.picture()
 
         # A refusal is shown.
         self.run_code("viewer.change({'mood': 1})")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _FOLDER = pathlib.Path(__file__).parent
 #: The commands of the client that the browser may send.
-_RELAYED = ("intent", "ack", "settings")
+_RELAYED = ("intent", "ack")
 #: The camera in the header of a frame: its first byte and its 11 numbers.
 _CAMERA_AT, _CAMERA = 80, struct.Struct("<11f")
 _WAIT_S = 0.5
@@ -146,6 +146,8 @@ class Viewer(anywidget.AnyWidget):
         kind = content.get("type") if isinstance(content, dict) else None
         if kind in _RELAYED:
             self._command(content)
+        elif kind == "preset":
+            self.preset = content["name"]
         elif kind == "ready" and self._frame is not None:
             self.send({"type": "frame"}, [self._frame])
 

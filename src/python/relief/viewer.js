@@ -5,6 +5,9 @@
 const HEADER_BYTES = 128;
 const DEGREES_A_PIXEL = 0.4;
 const CLICK_PIXELS = 4;
+/** When an acknowledgement is sent again, and how often, if no other frame arrives. */
+const REPEAT_MS = 500;
+const MOST_REPEATS = 3;
 const KEYS = {
   ArrowLeft: { intent: "orbit", azimuth_deg: 5 },
   ArrowRight: { intent: "orbit", azimuth_deg: -5 },
@@ -104,10 +107,8 @@ function listen(canvas, send) {
 function presetMenu(model, follow) {
   const options = model.get("_presets").map((name) => element("option", { value: name, textContent: name }));
   const menu = element("select", {}, element("option", { value: "", textContent: "automatic", hidden: true }), ...options);
-  menu.addEventListener("change", () => {
-    model.set("preset", menu.value);
-    model.save_changes();
-  });
+  // A message, not a change of the model: Jupyter holds such changes back until it has heard of the last one.
+  menu.addEventListener("change", () => model.send({ type: "preset", name: menu.value }));
   follow("change:preset", () => { menu.value = model.get("preset") ?? ""; });
   return element("label", {}, "Preset ", menu);
 }
@@ -128,6 +129,14 @@ function render({ model, el }) {
     if (event.startsWith("change:")) act();
   };
 
+  // A frame that is not acknowledged stops the next ones, so a lost message is repeated.
+  let repeat = null;
+  const acknowledge = (frame, repeats = MOST_REPEATS) => {
+    clearTimeout(repeat);
+    model.send({ type: "ack", frame, t_ns: Math.round(performance.now() * 1e6) });
+    if (repeats > 0) repeat = setTimeout(() => acknowledge(frame, repeats - 1), REPEAT_MS);
+  };
+
   const context = canvas.getContext("2d", { alpha: false });
   let newest = null;
   let drawing = false;
@@ -143,7 +152,7 @@ function render({ model, el }) {
       context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
       bitmap.close();
       canvas.dataset.frame = sequence;
-      model.send({ type: "ack", frame: sequence, t_ns: Math.round(performance.now() * 1e6) });
+      acknowledge(sequence);
     }
     drawing = false;
   };
@@ -161,7 +170,10 @@ function render({ model, el }) {
   el.classList.add("relief-viewer");
   el.append(canvas, element("div", { className: "relief-bar" }, menu, reset, status));
   model.send({ type: "ready" });
-  return () => followed.forEach(([event, act]) => model.off(event, act));
+  return () => {
+    clearTimeout(repeat);
+    followed.forEach(([event, act]) => model.off(event, act));
+  };
 }
 
 export default { render };
