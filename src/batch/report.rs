@@ -36,7 +36,8 @@ struct ReportedJob {
 pub const REPORT: &str = "report.html";
 
 /// Writes `report.html`, for each series with colours `contact-sheet.png` and, where it has one,
-/// its turntable as films and as a DICOM object, and the tables of datasets: beside the outputs, in a folder or a bucket.
+/// its turntable as films and as a DICOM object, and the tables of datasets: beside the outputs, in a
+/// folder or a bucket.
 ///
 /// # Errors
 /// When records cannot be read, or a file cannot be written.

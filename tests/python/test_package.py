@@ -227,6 +227,46 @@ class Frames(Series):
         self.assertLess(resident() - before, 16 << 20)
 
 
+class Viewers(Series):
+    """Live views without a browser: two frames arrive before an acknowledgement is due."""
+
+    def viewer(self, **options):
+        viewer = relief.Viewer(self.volume, size=(64, 48), adapter="cpu", **options)
+        self.addCleanup(viewer.close)
+        for _ in range(200):
+            if viewer.camera:
+                return viewer
+            time.sleep(0.05)
+        self.fail("no frame arrives")
+
+    def test_a_picture_of_the_view_has_all_that_was_set(self):
+        viewer = self.viewer(preset="skin", scene={"shading": {"ambient": 0.5}})
+        cut = {"clip": {"planes": [{"point_mm": [0, 0, 0], "normal": [0, 1, 0]}]}}
+
+        def expected(scene, preset):
+            return self.volume.render(scene, preset=preset, camera=viewer.camera, size=(64, 48), adapter="cpu").color
+
+        for change, scene in [
+            (None, {"shading": {"ambient": 0.5}}), (cut, {"shading": {"ambient": 0.5}, **cut}), ({"clip": None}, {"shading": {"ambient": 0.5}}),
+        ]:
+            if change:
+                viewer.change(change)
+            self.assertTrue((viewer.render(adapter="cpu").color == expected(scene, "skin")).all(), scene)
+        self.assertFalse((expected(cut, "skin") == expected({}, "skin")).all())
+        viewer.preset = "bone"
+        self.assertTrue((viewer.render(adapter="cpu").color == expected({}, "bone")).all(), "a preset brings its own light")
+        points = [{"hu": 0, "rgba": [0, 0, 0, 0]}, {"hu": 60, "rgba": [1, 1, 1, 1]}]
+        viewer.change({"transfer": {"points": points}})
+        self.assertIsNone(viewer.preset)
+        self.assertTrue((viewer.render(adapter="cpu").color == expected({"transfer": {"points": points}}, None)).all())
+
+    def test_invalid_settings_are_errors(self):
+        for options, text in [({"preset": "bonne"}, "bonne"), ({"scene": {"mood": 1}}, "mood")]:
+            with self.assertRaises(relief.ReliefError) as raised:
+                relief.Viewer(self.volume, **options)
+            self.assertIn(text, str(raised.exception))
+
+
 class Annotations(Series):
     def test_landmarks_of_slicer_become_dataclasses_and_a_table_and_a_file_again(self):
         points = [{"label": name, "position": [i, 2.0 * i, -i]} for i, name in enumerate(["nasion", "basion"], 1)]

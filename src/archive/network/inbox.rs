@@ -148,8 +148,8 @@ impl Inbox {
         has_room
     }
 
-    /// The series of which nothing has arrived for so long, or which were committed; each is reported once until more
-    /// arrives.
+    /// The series of which nothing has arrived for so long, or which were committed; each is reported
+    /// once until more arrives.
     pub fn completed(&self, quiet: Duration) -> Vec<CompletedSeries> {
         let mut state = self.lock();
         let mut completed = Vec::new();

@@ -31,8 +31,24 @@ _FOLDER = pathlib.Path(__file__).parent
 _RELAYED = ("intent", "ack")
 #: The camera in the header of a frame: its first byte and its 11 numbers.
 _CAMERA_AT, _CAMERA = 80, struct.Struct("<11f")
+#: The keys of `shading` that a preset replaces.
+_REFLECTION = ("ambient", "diffuse", "specular", "shininess")
 _WAIT_S = 0.5
 _OPENING_S = 30.0
+
+
+def merged(target: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
+    """A dictionary with a JSON merge patch (RFC 7396)."""
+    found = dict(target)
+    for key, value in patch.items():
+        if value is None:
+            found.pop(key, None)
+        elif isinstance(value, Mapping):
+            known = found.get(key)
+            found[key] = merged(known if isinstance(known, Mapping) else {}, value)
+        else:
+            found[key] = value
+    return found
 
 
 class Viewer(anywidget.AnyWidget):
@@ -77,7 +93,15 @@ class Viewer(anywidget.AnyWidget):
             "type": "hello", "client": "relief for Python", "accept": {"color": ["jpeg"], "depth": ["none"]},
             "size_px": list(size), "settings": settings,
         })
-        self._expect_welcome()
+        #: The keys of the scene that are set, without the transfer function of a preset.
+        self._scene: dict[str, Any] = merged({}, scene or {})
+        if preset is not None:
+            self._scene.pop("transfer", None)
+        try:
+            self._expect_welcome()
+        except ReliefError:
+            self.close()
+            raise
         self.on_msg(self._heard)
         self.observe(self._choose_preset, "preset")
         self._relay = threading.Thread(target=self._receive, name="relief viewer", daemon=True)
@@ -100,14 +124,17 @@ class Viewer(anywidget.AnyWidget):
     def change(self, scene: Mapping[str, Any]) -> None:
         """Changes keys of the scene (docs/RENDERING.md), such as `{"shading": {"ambient": 0.3}}`; None removes a key."""
         self._command({"type": "settings", "scene": dict(scene)})
+        self._scene = merged(self._scene, scene)
+        if scene.get("transfer") is not None:
+            self.preset = None
 
     def render(self, *, size: Optional[tuple[int, int]] = None, **options: Any) -> Frame:
-        """The picture of this view as a `Frame`; the options are those of `Volume.render`."""
+        """The picture of this view as a `Frame`; the options are those of `Volume.render`, and replace the view's."""
         camera = self.camera
         if camera is None:
             raise ReliefError("the viewer has no frame yet; run this in a cell after the one that shows it")
-        given: dict[str, Any] = {"preset": self.preset, "camera": camera, "size": size or tuple(self._size), **options}
-        return self._volume.render(**given)
+        view = {"scene": self._scene, "preset": self.preset, "camera": camera, "size": size or tuple(self._size)}
+        return self._volume.render(**{**view, **options})
 
     def close(self) -> None:
         """Ends the session and removes the widget."""
@@ -139,6 +166,11 @@ class Viewer(anywidget.AnyWidget):
 
     def _choose_preset(self, change: Any) -> None:
         if change["new"] is not None:
+            # A preset brings its own transfer function and reflection.
+            self._scene.pop("transfer", None)
+            shading = self._scene.get("shading", {})
+            for key in _REFLECTION:
+                shading.pop(key, None)
             self._command({"type": "settings", "preset": change["new"]})
 
     def _heard(self, _: Any, content: Any, __: Sequence[Any]) -> None:
