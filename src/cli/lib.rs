@@ -47,6 +47,7 @@ mod source;
 mod stop;
 mod text_file;
 mod token;
+mod tool_placement;
 #[cfg(feature = "traces")]
 mod traces;
 mod track;

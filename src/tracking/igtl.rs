@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::pose::SensorPose;
-use crate::tool::{is_rotation, quaternion};
+use crate::tool::{FARTHEST_MM, is_rotation, quaternion};
 
 /// Bytes of a header.
 pub const IGTL_HEADER_BYTES: usize = 58;
@@ -18,8 +18,6 @@ pub const MAX_BODY_BYTES: u64 = 4096;
 const VERSION: u16 = 1;
 /// Bytes of a TRANSFORM's content.
 const TRANSFORM_BYTES: usize = 48;
-/// Tools are not farther away from their tracker, mm.
-const FARTHEST_MM: f64 = 1e5;
 const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_ECMA_182);
 /// A tracked instrument of six degrees of freedom.
 const TOOL_6D: u8 = 2;

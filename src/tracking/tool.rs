@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::pose::SensorPose;
 
+/// Tools are not farther away from their tracker, mm.
+pub(crate) const FARTHEST_MM: f64 = 1e5;
+
 /// Rigid transforms as rows of 4 x 4 matrices, mm. The display has x right, y up, z towards the
 /// viewer. A pointer has the axes of a Wiimote: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,12 +64,24 @@ impl ToolPlacement {
             orientation: display_from_pointer.rotation,
         }
     }
+
+    /// Where the tool points at the plane of the display: to the right and up from the origin of the
+    /// display's axes, mm; `None` when it points away from the display.
+    #[must_use]
+    pub fn aim(&self, tool: &SensorPose) -> Option<[f64; 2]> {
+        let pointer = self.place(tool);
+        let forward = pointer.orientation * Vector3::z();
+        let along = -pointer.position.z / forward.z;
+        let is_towards = pointer.position.z > 0.0 && forward.z < -1e-6;
+        let point = pointer.position + forward * along;
+        is_towards.then_some([point.x, point.y])
+    }
 }
 
 fn rigid(name: &'static str, rows: &[[f64; 4]; 4]) -> Result<Isometry3<f64>, NotRigid> {
     let turn = Matrix3::from_fn(|row, column| rows[row][column]);
     let translation = Vector3::from_fn(|row, _| rows[row][3]);
-    let is_turn = is_rotation(&turn) && translation.iter().all(|mm| mm.abs() < 1e5);
+    let is_turn = is_rotation(&turn) && translation.iter().all(|mm| mm.abs() < FARTHEST_MM);
     if !is_turn || rows[3] != [0.0, 0.0, 0.0, 1.0] {
         return Err(NotRigid(name));
     }
@@ -112,6 +127,22 @@ mod tests {
         let forward = placed.orientation * Vector3::z();
         assert!((forward - Vector3::x()).norm() < 1e-9, "{forward}");
         assert_eq!(TrackerGeometry::default().placement().unwrap().place(&tool), tool);
+    }
+
+    #[test]
+    fn a_tool_aims_where_its_ray_meets_the_display() {
+        let placement = TrackerGeometry::default().placement().unwrap();
+        let facing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let aim = |position: [f64; 3], orientation| {
+            placement.aim(&SensorPose { position: position.into(), orientation })
+        };
+        assert_eq!(aim([30.0, -40.0, 900.0], facing).map(|at| at.map(f64::round)), Some([30.0, -40.0]));
+        // Turned by atan(0.5) to the viewer's left.
+        let left = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5_f64.atan()) * facing;
+        let [x, y] = aim([0.0, 0.0, 1000.0], left).unwrap();
+        assert!((x + 500.0).abs() < 1e-9 && y.abs() < 1e-9, "{x} {y}");
+        assert_eq!(aim([0.0, 0.0, 1000.0], UnitQuaternion::identity()), None, "away from the display");
+        assert_eq!(aim([0.0, 0.0, -10.0], facing), None, "behind the display");
     }
 
     #[test]

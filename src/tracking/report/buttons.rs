@@ -61,6 +61,12 @@ impl Buttons {
         Self(self.0 | others.0)
     }
 
+    /// These buttons, but not those.
+    #[must_use]
+    pub const fn without(self, others: Self) -> Self {
+        Self(self.0 & !others.0)
+    }
+
     /// Whether all of those are held.
     #[must_use]
     pub const fn contains(self, others: Self) -> bool {

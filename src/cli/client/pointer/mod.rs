@@ -1,15 +1,20 @@
 //! `relief client --pointer`: input devices beside the Wiimote, through the same poses and intents.
 
+mod connection;
+mod igtl;
 mod opentrack;
 #[cfg(unix)]
 mod spacemouse;
-mod tracker;
+mod tool;
+mod vrpn;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use crate::client::eyes;
 use relief_client::Handle;
+use relief_tracking::VRPN_PORT;
+use tool::Tool;
 
 /// Where spacenavd listens.
 const SPACENAVD: &str = "/var/run/spnav.sock";
@@ -17,9 +22,10 @@ const SPACENAVD: &str = "/var/run/spnav.sock";
 #[derive(Debug, clap::Args)]
 pub(crate) struct PointerArguments {
     /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, igtl:HOST:PORT[/DEVICE], a
-    /// tracker that sends OpenIGTLink transforms, opentrack or opentrack:ADDRESS:PORT, one that
-    /// sends OpenTrack's output "UDP over network" to 127.0.0.1:4242 or another address of this
-    /// machine. The space bar is the button A of a tracker's tool
+    /// tracker that sends OpenIGTLink transforms, vrpn:DEVICE@HOST[:PORT][/SENSOR], a tracker of a
+    /// VRPN server, opentrack or opentrack:ADDRESS:PORT, one that sends OpenTrack's output "UDP over
+    /// network" to 127.0.0.1:4242 or another address of this machine. The space bar is the button A
+    /// of a tracker's tool
     #[arg(long, value_name = "SOURCE", value_parser = parse, conflicts_with_all = ["measure", "replay"])]
     pointer: Option<Pointer>,
     /// Axes of the tracker and of its tool: JSON with display_from_tracker and tool_from_pointer, rows
@@ -33,10 +39,23 @@ pub(crate) struct PointerArguments {
 enum Pointer {
     /// A SpaceMouse behind this socket of spacenavd.
     SpaceMouse(PathBuf),
-    /// A server of OpenIGTLink, and the name of the device in it.
-    Igtl { address: String, device: Option<String> },
+    /// A server of OpenIGTLink.
+    Igtl(Network),
+    /// A server of VRPN.
+    Vrpn(Network),
     /// Where OpenTrack sends to.
     OpenTrack(SocketAddr),
+}
+
+/// A tool of a server.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Network {
+    /// Its host and port.
+    address: String,
+    /// The name of the tool's device there; any where left out.
+    device: Option<String>,
+    /// Number of the device's sensor.
+    sensor: i32,
 }
 
 impl PointerArguments {
@@ -54,45 +73,58 @@ fn parse(text: &str) -> Result<Pointer, String> {
             _ => {}
         }
     }
-    if let Some(rest) = text.strip_prefix("igtl:") {
-        let (address, device) =
-            rest.split_once('/').map_or((rest, None), |(address, device)| (address, Some(device)));
-        let has_port = address
-            .rsplit_once(':')
-            .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
-        if has_port && device != Some("") {
-            return Ok(Pointer::Igtl { address: address.to_owned(), device: device.map(str::to_owned) });
-        }
+    let known = text.strip_prefix("igtl:").and_then(igtl_source).map(Pointer::Igtl);
+    let known = known.or_else(|| text.strip_prefix("vrpn:").and_then(vrpn_source).map(Pointer::Vrpn));
+    if let Some(pointer) = known {
+        return Ok(pointer);
     }
     if text.starts_with("opentrack") {
         return eyes::source(text).map(Pointer::OpenTrack);
     }
-    Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE] and opentrack[:ADDRESS:PORT]".to_owned())
+    Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE], vrpn:DEVICE@HOST[:PORT][/SENSOR] and \
+         opentrack[:ADDRESS:PORT]"
+        .to_owned())
+}
+
+/// `HOST:PORT[/DEVICE]`
+fn igtl_source(text: &str) -> Option<Network> {
+    let (address, device) =
+        text.split_once('/').map_or((text, None), |(address, device)| (address, Some(device)));
+    let is_meant = has_port(address) && device != Some("");
+    is_meant.then(|| Network { address: address.to_owned(), device: device.map(str::to_owned), sensor: 0 })
+}
+
+/// `DEVICE@HOST[:PORT][/SENSOR]`
+fn vrpn_source(text: &str) -> Option<Network> {
+    let (device, server) = text.rsplit_once('@').filter(|(device, _)| !device.is_empty())?;
+    let (address, sensor) = server.split_once('/').map_or((server, "0"), |parts| parts);
+    let sensor = sensor.parse().ok().filter(|sensor| *sensor >= 0)?;
+    let address = if has_port(address) { address.to_owned() } else { format!("{address}:{VRPN_PORT}") };
+    let is_host = has_port(&address) && (address.starts_with('[') || address.matches(':').count() == 1);
+    is_host.then(|| Network { address, device: Some(device.to_owned()), sensor })
+}
+
+fn has_port(address: &str) -> bool {
+    address.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
 }
 
 /// Starts reading, on a thread that ends with the session.
 pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Result<()> {
-    match &arguments.pointer {
-        None => Ok(()),
-        Some(Pointer::SpaceMouse(socket)) => {
-            if arguments.tracker_geometry.is_some() {
-                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl:HOST:PORT or opentrack)");
+    let Some(pointer) = &arguments.pointer else { return Ok(()) };
+    let geometry = arguments.tracker_geometry.as_deref();
+    match pointer {
+        Pointer::SpaceMouse(socket) => {
+            if geometry.is_some() {
+                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl, vrpn or opentrack)");
             }
             #[cfg(unix)]
             return spacemouse::start(socket, handle);
             #[cfg(not(unix))]
             anyhow::bail!("spacenavd at {} needs Unix", socket.display());
         }
-        Some(Pointer::Igtl { address, device }) => {
-            let placement = tracker::placement(arguments.tracker_geometry.as_deref())?;
-            handle.attach_tool();
-            tracker::start(address, device.clone(), placement, handle)
-        }
-        Some(Pointer::OpenTrack(address)) => {
-            let placement = tracker::placement(arguments.tracker_geometry.as_deref())?;
-            handle.attach_tool();
-            opentrack::start(*address, placement, handle)
-        }
+        Pointer::Igtl(source) => connection::start(source, Tool::new(geometry, handle)?, igtl::relay),
+        Pointer::Vrpn(source) => connection::start(source, Tool::new(geometry, handle)?, vrpn::relay),
+        Pointer::OpenTrack(address) => opentrack::start(*address, Tool::new(geometry, handle)?),
     }
 }
 
@@ -104,12 +136,18 @@ mod tests {
     fn sources_are_sockets_and_addresses() {
         assert_eq!(parse("spacemouse"), Ok(Pointer::SpaceMouse(SPACENAVD.into())));
         assert_eq!(parse("spacemouse:/tmp/s"), Ok(Pointer::SpaceMouse("/tmp/s".into())));
-        let igtl = |address: &str, device: Option<&str>| Pointer::Igtl {
+        let network = |address: &str, device: Option<&str>, sensor| Network {
             address: address.to_owned(),
             device: device.map(str::to_owned),
+            sensor,
         };
+        let igtl = |address, device| Pointer::Igtl(network(address, device, 0));
+        let vrpn = |device, address, sensor| Pointer::Vrpn(network(address, Some(device), sensor));
         assert_eq!(parse("igtl:plus:18944"), Ok(igtl("plus:18944", None)));
         assert_eq!(parse("igtl:[::1]:18944/Stylus"), Ok(igtl("[::1]:18944", Some("Stylus"))));
+        assert_eq!(parse("vrpn:Tracker0@plus"), Ok(vrpn("Tracker0", "plus:3883", 0)));
+        assert_eq!(parse("vrpn:a@b@[::1]:99/2"), Ok(vrpn("a@b", "[::1]:99", 2)));
+        assert_eq!(parse("vrpn:Wand@[::1]"), Ok(vrpn("Wand", "[::1]:3883", 0)));
         assert_eq!(parse("opentrack"), Ok(Pointer::OpenTrack(SocketAddr::from(([127, 0, 0, 1], 4242)))));
         let other = SocketAddr::from(([0, 0, 0, 0], 5000));
         assert_eq!(parse("opentrack:0.0.0.0:5000"), Ok(Pointer::OpenTrack(other)));
@@ -122,6 +160,14 @@ mod tests {
             "igtl::1",
             "igtl:plus:x",
             "igtl:plus:1/",
+            "vrpn:",
+            "vrpn:host",
+            "vrpn:@host",
+            "vrpn:a@",
+            "vrpn:a@::1",
+            "vrpn:a@host/x",
+            "vrpn:a@host/-1",
+            "vrpn:a@host:x",
             "mouse",
             "opentrack:",
             "opentrack:4242",
