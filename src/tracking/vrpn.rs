@@ -243,7 +243,8 @@ impl VrpnWriter {
     /// The pose of the device's sensor 0, in mm, at this time (ns since 1970).
     #[must_use]
     pub fn pose(&mut self, unix_ns: u64, pose: &SensorPose) -> Vec<u8> {
-        let numbers = (pose.position / 1000.0).iter().copied().chain(pose.orientation_xyzw()).collect::<Vec<_>>();
+        let numbers =
+            (pose.position / 1000.0).iter().copied().chain(pose.orientation_xyzw()).collect::<Vec<_>>();
         let body: Vec<u8> =
             [0; 8].into_iter().chain(numbers.into_iter().flat_map(f64::to_be_bytes)).collect();
         self.message(unix_ns, 0, POSE as i32, &body)

@@ -113,7 +113,8 @@ impl VirtualPointer {
 /// The device's units of a point to the right and up from the screen's centre; beside the screen the
 /// nearest edge.
 fn place([right, up]: [f64; 2], [width, height]: [f64; 2]) -> [i32; 2] {
-    [right / width, -up / height].map(|share| ((share + 0.5).clamp(0.0, 1.0) * f64::from(FARTHEST)).round() as i32)
+    [right / width, -up / height]
+        .map(|share| ((share + 0.5).clamp(0.0, 1.0) * f64::from(FARTHEST)).round() as i32)
 }
 
 #[cfg(test)]

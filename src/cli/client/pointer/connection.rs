@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 
+use super::network::Network;
 use super::tool::{SILENT, Tool};
 
 /// Longest time for connecting, and the pause before the next attempt.
@@ -13,7 +14,7 @@ const CONNECT: Duration = Duration::from_secs(5);
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// Relays the messages of one connection until it or the session ends.
-pub(super) type Relay = fn(&mut Connection, source: &super::Network) -> std::io::Result<()>;
+pub(super) type Relay = fn(&mut Connection, source: &Network) -> std::io::Result<()>;
 
 pub(super) struct Connection {
     pub(super) stream: TcpStream,
@@ -21,7 +22,7 @@ pub(super) struct Connection {
 }
 
 /// Connects, and relays on a thread that ends with the session.
-pub(super) fn start(source: &super::Network, tool: Tool, relay: Relay) -> anyhow::Result<()> {
+pub(super) fn start(source: &Network, tool: Tool, relay: Relay) -> anyhow::Result<()> {
     let address = source.address.clone();
     let stream = connect(&address).with_context(|| format!("cannot connect to the tracker at {address}"))?;
     let source = source.clone();

@@ -2,8 +2,8 @@
 
 use relief_tracking::{IGTL_HEADER_BYTES, IgtlError, IgtlHeader, igtl_pose};
 
-use super::Network;
 use super::connection::Connection;
+use super::network::Network;
 
 /// Largest message of another type that is skipped, bytes: some trackers send pictures, too.
 const MOST_SKIPPED: u64 = 256 << 20;

@@ -2,6 +2,7 @@
 
 mod connection;
 mod igtl;
+mod network;
 mod opentrack;
 #[cfg(unix)]
 mod spacemouse;
@@ -12,8 +13,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use crate::client::eyes;
+use network::Network;
 use relief_client::Handle;
-use relief_tracking::VRPN_PORT;
 use tool::Tool;
 
 /// Where spacenavd listens.
@@ -22,7 +23,7 @@ const SPACENAVD: &str = "/var/run/spnav.sock";
 #[derive(Debug, clap::Args)]
 pub(crate) struct PointerArguments {
     /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, igtl:HOST:PORT[/DEVICE], a
-    /// tracker that sends OpenIGTLink transforms, vrpn:DEVICE@HOST[:PORT][/SENSOR], a tracker of a
+    /// tracker that sends OpenIGTLink transforms, `vrpn:DEVICE@HOST[:PORT][/SENSOR]`, a tracker of a
     /// VRPN server, opentrack or opentrack:ADDRESS:PORT, one that sends OpenTrack's output "UDP over
     /// network" to 127.0.0.1:4242 or another address of this machine. The space bar is the button A
     /// of a tracker's tool
@@ -47,17 +48,6 @@ enum Pointer {
     OpenTrack(SocketAddr),
 }
 
-/// A tool of a server.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Network {
-    /// Its host and port.
-    address: String,
-    /// The name of the tool's device there; any where left out.
-    device: Option<String>,
-    /// Number of the device's sensor.
-    sensor: i32,
-}
-
 impl PointerArguments {
     /// Whether a pointer is named.
     pub(crate) fn is_there(&self) -> bool {
@@ -73,8 +63,9 @@ fn parse(text: &str) -> Result<Pointer, String> {
             _ => {}
         }
     }
-    let known = text.strip_prefix("igtl:").and_then(igtl_source).map(Pointer::Igtl);
-    let known = known.or_else(|| text.strip_prefix("vrpn:").and_then(vrpn_source).map(Pointer::Vrpn));
+    let known = text.strip_prefix("igtl:").and_then(network::igtl_source).map(Pointer::Igtl);
+    let known =
+        known.or_else(|| text.strip_prefix("vrpn:").and_then(network::vrpn_source).map(Pointer::Vrpn));
     if let Some(pointer) = known {
         return Ok(pointer);
     }
@@ -84,28 +75,6 @@ fn parse(text: &str) -> Result<Pointer, String> {
     Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE], vrpn:DEVICE@HOST[:PORT][/SENSOR] and \
          opentrack[:ADDRESS:PORT]"
         .to_owned())
-}
-
-/// `HOST:PORT[/DEVICE]`
-fn igtl_source(text: &str) -> Option<Network> {
-    let (address, device) =
-        text.split_once('/').map_or((text, None), |(address, device)| (address, Some(device)));
-    let is_meant = has_port(address) && device != Some("");
-    is_meant.then(|| Network { address: address.to_owned(), device: device.map(str::to_owned), sensor: 0 })
-}
-
-/// `DEVICE@HOST[:PORT][/SENSOR]`
-fn vrpn_source(text: &str) -> Option<Network> {
-    let (device, server) = text.rsplit_once('@').filter(|(device, _)| !device.is_empty())?;
-    let (address, sensor) = server.split_once('/').map_or((server, "0"), |parts| parts);
-    let sensor = sensor.parse().ok().filter(|sensor| *sensor >= 0)?;
-    let address = if has_port(address) { address.to_owned() } else { format!("{address}:{VRPN_PORT}") };
-    let is_host = has_port(&address) && (address.starts_with('[') || address.matches(':').count() == 1);
-    is_host.then(|| Network { address, device: Some(device.to_owned()), sensor })
-}
-
-fn has_port(address: &str) -> bool {
-    address.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
 }
 
 /// Starts reading, on a thread that ends with the session.

@@ -5,8 +5,8 @@ use std::io::Write;
 
 use relief_tracking::{VRPN_BUTTONS, VrpnError, VrpnEvent, VrpnReader, VrpnWriter};
 
-use super::Network;
 use super::connection::Connection;
+use super::network::Network;
 
 /// Reads messages until the connection or the session ends.
 pub(super) fn relay(connection: &mut Connection, source: &Network) -> std::io::Result<()> {

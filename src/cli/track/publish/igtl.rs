@@ -5,7 +5,7 @@ use std::net::{TcpListener, TcpStream};
 
 use relief_tracking::{IGTL_HEADER_BYTES, IgtlHeader};
 
-use super::{Listener, Published, Session};
+use super::protocol::{Listener, Published, Session};
 
 const DEVICE: &str = "WiimoteToBeacon";
 const TOOL: &str = "Wiimote";

@@ -5,47 +5,18 @@
 //! others.
 
 mod igtl;
+mod protocol;
 mod vrpn;
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-use anyhow::Context;
-
-use relief_tracking::{Buttons, SensorPose};
+pub(crate) use protocol::Published;
+use protocol::{Listener, STALL, Session, listen};
 
 const MAX_CLIENTS: usize = 16;
-const STALL: Duration = Duration::from_millis(50);
-
-/// The tracked Wiimote at one time.
-#[derive(Clone, Copy)]
-pub(crate) struct Published {
-    /// Time since 1970, ns.
-    pub(crate) unix_ns: u64,
-    /// `beacon_from_sensor`, while tracking.
-    pub(crate) pose: Option<SensorPose>,
-    /// The buttons held.
-    pub(crate) buttons: Buttons,
-}
-
-/// One client's side of a protocol: bytes to send.
-trait Session {
-    /// The first bytes of a connection.
-    fn greeting(&mut self) -> Vec<u8>;
-    /// Answers to what a client sent.
-    fn answer(&mut self, received: &[u8], unix_ns: u64) -> std::io::Result<Vec<u8>>;
-    /// A new state.
-    fn publish(&mut self, published: &Published) -> Vec<u8>;
-}
-
-/// Accepts connections without waiting.
-trait Listener: Send + 'static {
-    type Session: Session;
-    fn accept(&mut self) -> Option<TcpStream>;
-    fn session(&self) -> Self::Session;
-}
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PublishArguments {
@@ -84,12 +55,6 @@ impl Publishers {
             let _ = publisher.try_send(published);
         }
     }
-}
-
-fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
-    let listener = TcpListener::bind(address).with_context(|| format!("cannot listen on {address}"))?;
-    listener.set_nonblocking(true)?;
-    Ok(listener)
 }
 
 fn start(name: &str, listener: impl Listener) -> anyhow::Result<SyncSender<Published>> {

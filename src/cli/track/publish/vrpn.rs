@@ -10,7 +10,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use anyhow::Context;
 use relief_tracking::{Buttons, VrpnError, VrpnEvent, VrpnReader, VrpnWriter};
 
-use super::{Listener, Published, STALL, Session};
+use super::protocol::{Listener, Published, STALL, Session};
 
 const DEVICE: &str = "Wiimote";
 
@@ -22,7 +22,7 @@ pub(super) struct Server {
 impl Server {
     /// Listens on a TCP and a UDP port of the same number.
     pub(super) fn listen(address: SocketAddr) -> anyhow::Result<Self> {
-        let listener = super::listen(address)?;
+        let listener = super::protocol::listen(address)?;
         let address = listener.local_addr()?;
         let requests =
             UdpSocket::bind(address).with_context(|| format!("cannot listen on UDP port {address}"))?;

@@ -101,17 +101,23 @@ function sense(event) {
   move();
 }
 
-/** Some browsers give sensors only after a tap and a question. */
+/** Listens to the sensors. Some browsers give them only after a tap and a question: `sense` hides the button where they come without. */
 function listen() {
+  if (!isSecureContext) {
+    $("hint").textContent = "A page without https has no sensors. Use the pad; relief serve --tls-self-signed serves https.";
+    return;
+  }
+  addEventListener("deviceorientation", sense);
   const ask = window.DeviceOrientationEvent?.requestPermission;
-  if (ask) {
-    $("sensors").hidden = false;
-    $("sensors").addEventListener("click", async () => {
-      if ((await ask.call(window.DeviceOrientationEvent)) === "granted") addEventListener("deviceorientation", sense);
-      else $("hint").textContent = "The browser refuses the sensors. Use the pad.";
-    });
-  } else if (isSecureContext) addEventListener("deviceorientation", sense);
-  else $("hint").textContent = "A page without https has no sensors. Use the pad; relief serve --tls-self-signed serves https.";
+  $("sensors").hidden = !ask;
+  $("sensors").addEventListener("click", async () => {
+    if ((await ask.call(window.DeviceOrientationEvent)) !== "granted") {
+      $("hint").textContent = "The browser refuses the sensors. Use the pad.";
+      return;
+    }
+    removeEventListener("deviceorientation", sense);
+    addEventListener("deviceorientation", sense); // anew: the first was added without leave
+  });
 }
 
 /** Takes poses in space in place of the sensors, until it is pressed again. */
