@@ -1,5 +1,5 @@
-//! Pointers of `relief client --pointer`: a SpaceMouse behind a stand-in for spacenavd, and a tracker
-//! that pyigtl plays. The server is a stand-in that reads what the client sends.
+//! Pointers of `relief client --pointer`: a SpaceMouse behind a stand-in for spacenavd, and trackers
+//! that pyigtl and VRPN's own library play. The server is a stand-in that reads what the client sends.
 #![cfg(unix)]
 
 use std::io::Write;
@@ -148,51 +148,111 @@ while True:
     time.sleep(0.02)
 ";
 
-/// Invariant: A tracker that speaks OpenIGTLink, as pyigtl does, moves the hand of a view; a tool that
-/// is out of sight is lost, although others are tracked.
-#[tokio::test]
-async fn transforms_of_pyigtl_are_the_poses_of_a_hand() {
+/// A tracker of VRPN's own library: sends the poses of sensor 1 and a button for a second, and those of
+/// sensor 0 until it is stopped; prints a line when it listens.
+const VRPN: &str = r"
+import ctypes, struct, sys, time, motioncapture
+library = ctypes.CDLL(motioncapture.__file__)
+handle = ctypes.c_void_p
+class Time(ctypes.Structure):
+    _fields_ = [('seconds', ctypes.c_long), ('microseconds', ctypes.c_long)]
+def function(name, result, *arguments):
+    found = library[name]
+    found.restype, found.argtypes = result, arguments
+    return found
+listen = function('_Z29vrpn_create_server_connectionPKcS0_S0_', handle, *[ctypes.c_char_p] * 3)
+construct = function('_ZN19vrpn_Tracker_ServerC1EPKcP15vrpn_Connectioni', None, handle, ctypes.c_char_p, handle, ctypes.c_int)
+report = function('_ZN19vrpn_Tracker_Server11report_poseEi7timevalPKdS2_j', ctypes.c_int, handle, ctypes.c_int, Time, handle, handle, ctypes.c_uint)
+serve = function('_ZN19vrpn_Tracker_Server8mainloopEv', None, handle)
+send = function('_ZN18vrpn_Connection_IP8mainloopEPK7timeval', ctypes.c_int, handle, handle)
+sender_of = function('_ZN15vrpn_Connection15register_senderEPKc', ctypes.c_int, handle, ctypes.c_char_p)
+type_of = function('_ZN15vrpn_Connection21register_message_typeEPKc', ctypes.c_int, handle, ctypes.c_char_p)
+pack = function('_ZN15vrpn_Connection12pack_messageEj7timevaliiPKcj', ctypes.c_int, handle, ctypes.c_uint, Time, ctypes.c_int, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
+is_connected = function('_ZNK15vrpn_Connection9connectedEv', ctypes.c_int, handle)
+connection = listen(b':' + sys.argv[1].encode(), None, None)
+tracker = ctypes.create_string_buffer(1 << 20)
+construct(tracker, b'Stylus', connection, 2)
+sender, change = sender_of(connection, b'Stylus'), type_of(connection, b'vrpn_Button Change')
+position, turn, level = (ctypes.c_double * 3)(0.01, -0.02, 0.9), (ctypes.c_double * 4)(0, 0, 0.5**0.5, 0.5**0.5), (ctypes.c_double * 4)(0, 0, 0, 1)
+print('ready', flush=True)
+sent = 0
+while True:
+    now = Time(int(time.time()), 0)
+    report(tracker, 0, now, position, level, 4)
+    if sent < 50:
+        sent += is_connected(connection)
+        report(tracker, 1, now, position, turn, 4)
+        pack(connection, 8, now, change, sender, struct.pack('>ii', 1, 1), 1)
+    serve(tracker)
+    send(connection, None)
+    time.sleep(0.02)
+";
+
+/// A tracker that this script plays, and its port; `None` where a peer is missing.
+fn played(script: &str) -> Option<(Client, u16)> {
     let Some(python) = std::env::var_os("RELIEF_PEERS_PYTHON") else {
-        eprintln!("SKIPPED: a tracker played by pyigtl (RELIEF_PEERS_PYTHON is not set)");
-        return;
+        eprintln!("SKIPPED: a tracker played by a peer (RELIEF_PEERS_PYTHON is not set)");
+        return None;
     };
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let mut tracker = Command::new(python);
-    tracker.args(["-c", PYIGTL, &port.to_string()]).stdout(Stdio::piped());
+    tracker.args(["-c", script, &port.to_string()]).stdout(Stdio::piped());
     let mut tracker = Client(tracker.spawn().unwrap());
     let mut line = String::new();
     let stdout = tracker.0.stdout.take().unwrap();
     std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).unwrap();
     assert_eq!(line.trim(), "ready");
+    Some((tracker, port))
+}
 
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("geometry.json");
-    // The display is one metre above the tracker.
-    std::fs::write(&file, r#"{"display_from_tracker": [[1,0,0,0],[0,1,0,-1000],[0,0,1,0],[0,0,0,1]]}"#)
-        .unwrap();
-    let source = format!("igtl:127.0.0.1:{port}/StylusToTracker");
-    let geometry = file.to_str().unwrap();
-    let (_client, mut socket) = connected(&["--pointer", &source, "--tracker-geometry", geometry]).await;
-    let pose = loop {
-        if let Some(ClientMessage::Pose(message)) = next(&mut socket).await
-            && let PoseKind::Remote(remote) = message.what
-            && let Some(pose) = remote.pose
-        {
-            break pose;
+/// The next state of the hand that fulfils a condition.
+async fn hand(socket: &mut Socket, is_meant: impl Fn(&RemotePose) -> bool) -> RemotePose {
+    let found = async {
+        loop {
+            if let Some(ClientMessage::Pose(message)) = next(socket).await
+                && let PoseKind::Remote(remote) = message.what
+                && is_meant(&remote)
+            {
+                return remote;
+            }
         }
     };
-    let (position, [x, y, z, w]) = pose;
-    assert_eq!(position, [10.0, -1020.0, 900.0]);
+    tokio::time::timeout(std::time::Duration::from_secs(60), found)
+        .await
+        .expect("no such state within a minute")
+}
+
+/// Checks the pose that both trackers report: turned to the left by a quarter, and 0.9 m in front of
+/// the tracker, which is one metre below the display.
+async fn tracked(pointer: &str) -> (Client, Socket) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("geometry.json");
+    std::fs::write(&file, r#"{"display_from_tracker": [[1,0,0,0],[0,1,0,-1000],[0,0,1,0],[0,0,0,1]]}"#)
+        .unwrap();
+    let arguments = ["--pointer", pointer, "--tracker-geometry", file.to_str().unwrap()];
+    let (client, mut socket) = connected(&arguments).await;
+    let (position, turn) = hand(&mut socket, |hand| hand.pose.is_some()).await.pose.unwrap();
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    assert!(
-        (z - half).abs() < 1e-6 && (w - half).abs() < 1e-6 && x.abs() < 1e-6 && y.abs() < 1e-6,
-        "{x} {y} {z} {w}"
-    );
-    while !matches!(
-        next(&mut socket).await,
-        Some(ClientMessage::Pose(Pose {
-            what: PoseKind::Remote(RemotePose { state: TrackingState::Lost, .. }),
-            ..
-        }))
-    ) {}
+    assert!(glam::DVec3::from(position).abs_diff_eq(glam::DVec3::new(10.0, -1020.0, 900.0), 1e-9));
+    assert!(glam::DVec4::from(turn).abs_diff_eq(glam::DVec4::new(0.0, 0.0, half, half), 1e-6), "{turn:?}");
+    (client, socket)
+}
+
+/// Invariant: A tracker that speaks OpenIGTLink, as pyigtl does, moves the hand of a view; a tool that
+/// is out of sight is lost, although others are tracked.
+#[tokio::test]
+async fn transforms_of_pyigtl_are_the_poses_of_a_hand() {
+    let Some((_tracker, port)) = played(PYIGTL) else { return };
+    let (_client, mut socket) = tracked(&format!("igtl:127.0.0.1:{port}/StylusToTracker")).await;
+    hand(&mut socket, |hand| hand.state == TrackingState::Lost).await;
+}
+
+/// Invariant: A tracker of VRPN's own library moves the hand of a view and presses its buttons; a
+/// sensor that is out of sight is lost, although others are tracked.
+#[tokio::test]
+async fn reports_of_vrpn_are_the_poses_of_a_hand() {
+    let Some((_tracker, port)) = played(VRPN) else { return };
+    let (_client, mut socket) = tracked(&format!("vrpn:Stylus@127.0.0.1:{port}/1")).await;
+    hand(&mut socket, |hand| hand.buttons == ["b"]).await;
+    hand(&mut socket, |hand| hand.state == TrackingState::Lost).await;
 }

@@ -1,6 +1,6 @@
 //! Whatever bytes come from a remote, a recording, a camera file, a beacon or a network client.
 
-use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, InputReport, Pinhole, TrackerOptions, Tracker, Beacon};
+use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, InputReport, Pinhole, TrackerOptions, Tracker, Beacon, VrpnError, VrpnEvent, VrpnReader, VrpnWriter};
 
 /// A recording, a camera file, a beacon, and messages of trackers.
 pub fn recording(bytes: &[u8]) {
@@ -8,6 +8,7 @@ pub fn recording(bytes: &[u8]) {
     let _ = MotionPlus::decode(bytes);
     let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
     transform(bytes);
+    vrpn(bytes);
     for line in RecordingReader::new(bytes) {
         if line.is_err() {
             break;
@@ -45,6 +46,24 @@ fn transform(body: &[u8]) {
         let header = relief_tracking::IgtlHeader { version, ..header.clone() };
         if let Ok(Some(pose)) = relief_tracking::igtl_pose(&header, body) {
             assert!(pose.position.iter().all(|mm| mm.is_finite()), "{pose:?}");
+        }
+    }
+}
+
+/// What a VRPN server sends after its cookie and its descriptions.
+fn vrpn(bytes: &[u8]) {
+    for greeting in [Vec::new(), VrpnWriter::default().greeting("tool")] {
+        let mut reader = VrpnReader::default();
+        reader.push(&greeting);
+        reader.push(bytes);
+        loop {
+            match reader.next_event() {
+                Ok(Some(VrpnEvent::Pose { pose, .. })) => {
+                    assert!(pose.position.iter().all(|mm| mm.is_finite()), "{pose:?}");
+                }
+                Ok(Some(_)) | Err(VrpnError::Content(_)) => {}
+                Ok(None) | Err(_) => break,
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Poses against OpenCV, PoseLib, IPOPT and pyigtl: code that is not ours, on the same pixels and
+//! Poses against OpenCV, PoseLib, IPOPT, pyigtl and VRPN's own library: code that is not ours, on the same pixels and
 //! bytes.
 //!
 //! Runs where `RELIEF_PEERS_PYTHON` names a Python that has them, and says aloud where it does not.
@@ -63,52 +63,120 @@ print(json.dumps({'matrix': message.matrix.tolist(), 'timestamp': message.timest
 client.stop()
 ";
 
+/// Receives one frame by VRPN's own library, and prints the pose.
+const VRPN: &str = r"
+import json, sys, motioncapture
+client = motioncapture.connect('vrpn', {'hostname': sys.argv[1]})
+while not client.rigidBodies:
+    client.waitForNextFrame()
+body = client.rigidBodies['Wiimote']
+turn = body.rotation
+print(json.dumps({'position_m': body.position.tolist(), 'xyzw': [turn.x, turn.y, turn.z, turn.w]}))
+";
+
+/// `relief track` that plays a recording and publishes its poses.
+struct Publisher {
+    /// Output lines of all poses of the recording.
+    poses: Vec<Value>,
+    child: std::process::Child,
+    stderr: std::io::BufReader<std::process::ChildStderr>,
+    port: String,
+    _folder: tempfile::TempDir,
+}
+
+impl Publisher {
+    /// Publishes by this option; the port is chosen by the system.
+    fn start(option: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let reports = folder.path().join("rec.jsonl");
+        let relief = || {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+            command.arg("track").env_remove("RELIEF_LOG");
+            command
+        };
+        let simulated =
+            relief().args(["simulate", "--seconds", "100", "--out"]).arg(&reports).output().unwrap();
+        assert!(simulated.status.success());
+        let poses = relief().arg("--reports").arg(&reports).output().unwrap().stdout;
+        let poses = String::from_utf8(poses)
+            .unwrap()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect();
+        let mut child = relief();
+        child.arg("--reports").arg(&reports).args(["--realtime", option, "127.0.0.1:0", "--json"]);
+        let mut child = child.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        // It stays open: a program that cannot write to stderr ends.
+        let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+        stderr.read_line(&mut line).unwrap();
+        let port = line.trim().rsplit(':').next().unwrap().to_owned();
+        Self { poses, child, stderr, port, _folder: folder }
+    }
+
+    /// The JSON in the last line of a peer's output.
+    fn received(&mut self, peer: &mut Command) -> Value {
+        let received = peer.output().unwrap();
+        let _ = self.child.kill();
+        let mut said = String::new();
+        self.stderr.read_to_string(&mut said).unwrap();
+        assert!(received.status.success(), "{} {said}", String::from_utf8_lossy(&received.stderr));
+        let text = String::from_utf8_lossy(&received.stdout).into_owned();
+        serde_json::from_str(text.trim().lines().last().unwrap()).unwrap()
+    }
+
+    /// Distance of a pose of the recording from a position, mm.
+    fn distance_mm(pose: &Value, position_mm: [f64; 3]) -> f64 {
+        let along = |axis: usize| (pose["position_mm"][axis].as_f64().unwrap() - position_mm[axis]).abs();
+        along(0).max(along(1)).max(along(2))
+    }
+}
+
+impl Drop for Publisher {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
 #[test]
 fn pyigtl_receives_the_published_poses() {
     let Some(mut python) = python("pyigtl_receives_the_published_poses", "pyigtl") else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let reports = folder.path().join("rec.jsonl");
-    let relief = || {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-        command.arg("track").env_remove("RELIEF_LOG");
-        command
-    };
-    assert!(
-        relief()
-            .args(["simulate", "--seconds", "100", "--out"])
-            .arg(&reports)
-            .output()
-            .unwrap()
-            .status
-            .success()
-    );
-    let poses = relief().arg("--reports").arg(&reports).output().unwrap();
-    let mut child = relief();
-    child.arg("--reports").arg(&reports).args(["--realtime", "--igtl", "127.0.0.1:0", "--json"]);
-    let mut child = child.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut line = String::new();
-    // It stays open: a program that cannot write to stderr ends.
-    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
-    stderr.read_line(&mut line).unwrap();
-    let port = line.trim().rsplit(':').next().unwrap().to_owned();
-    let received = python.args(["-c", PYIGTL, &port]).output().unwrap();
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let mut said = String::new();
-    stderr.read_to_string(&mut said).unwrap();
-    assert!(received.status.success(), "{} {said}", String::from_utf8_lossy(&received.stderr));
-    let text = String::from_utf8_lossy(&received.stdout).into_owned();
-    let received: Value = serde_json::from_str(text.trim().lines().last().unwrap()).unwrap();
+    let mut publisher = Publisher::start("--igtl");
+    let port = publisher.port.clone();
+    let received = publisher.received(python.args(["-c", PYIGTL, &port]));
     let seconds = received["timestamp"].as_f64().unwrap();
-    let poses = String::from_utf8(poses.stdout).unwrap();
-    let of_that_time = poses
-        .lines()
-        .map(|line| serde_json::from_str::<Value>(line).unwrap())
+    let of_that_time = publisher
+        .poses
+        .iter()
         .find(|pose| (pose["t_ns"].as_f64().unwrap() * 1e-9 - seconds).abs() < 1e-6)
         .expect("the pose of that report");
-    for axis in 0..3 {
-        let ours = of_that_time["position_mm"][axis].as_f64().unwrap();
-        let theirs = received["matrix"][axis][3].as_f64().unwrap();
-        assert!((ours - theirs).abs() < 1e-3, "axis {axis}: {ours} {theirs}");
+    let matrix = |axis: usize| received["matrix"][axis][3].as_f64().unwrap();
+    assert!(Publisher::distance_mm(of_that_time, [0, 1, 2].map(matrix)) < 1e-3, "{of_that_time} {received}");
+}
+
+/// Invariant: VRPN's own library receives the published poses, whether it connects by TCP or asks by a
+/// datagram.
+#[test]
+fn vrpn_receives_the_published_poses() {
+    for scheme in ["tcp://", ""] {
+        let Some(mut python) = python("vrpn_receives_the_published_poses", "motioncapture") else { return };
+        let mut publisher = Publisher::start("--vrpn");
+        let address = format!("{scheme}127.0.0.1:{}", publisher.port);
+        let received = publisher.received(python.args(["-c", VRPN, &address]));
+        let position_mm =
+            [0, 1, 2].map(|axis: usize| received["position_m"][axis].as_f64().unwrap() * 1000.0);
+        // Its positions have single precision.
+        let sent = publisher
+            .poses
+            .iter()
+            .filter(|pose| pose["position_mm"].is_array())
+            .find(|pose| Publisher::distance_mm(pose, position_mm) < 1e-3)
+            .unwrap_or_else(|| panic!("no pose of the recording is {received}"));
+        for axis in 0..4 {
+            let [ours, theirs] =
+                [&sent["orientation_xyzw"], &received["xyzw"]].map(|turn| turn[axis].as_f64().unwrap());
+            assert!((ours - theirs).abs() < 1e-6, "{sent} {received}");
+        }
     }
 }
