@@ -6,7 +6,7 @@
 # RELIEF_PEERS_PYTHON to the Python that has the peers, RELIEF_CWIID to libcwiid, RELIEF_SLICER to a folder for PYTHONPATH with
 # 3D Slicer's core, RELIEF_OHIF to OHIF's reader, RELIEF_DICOM_TOOLS to dsrdump and dciodvfy, RELIEF_SLURM to Slurm's programs, RELIEF_NATS_SERVER,
 # RELIEF_MOTO, RELIEF_NGINX and RELIEF_ORTHANC (a folder of programs) to those of scripts/setup-services, RELIEF_DEBIAN_ROOT to a clean
-# Debian; of scripts/setup-ipopt it sets what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
+# Debian, RELIEF_WITH_KERNEL to what runs a command on a kernel of its own; of scripts/setup-ipopt it sets what building with the feature `ipopt` and running it needs. What is not set up is left out. A VK_DRIVER_FILES or VK_ICD_FILENAMES that is already set wins. On a machine with a graphics card the driver is added to the
 # system's own (VK_ADD_DRIVER_FILES) and so does not hide the card; RELIEF_DRIVER=pinned takes the software
 # driver even then.
 # shellcheck shell=sh disable=SC3028,SC3054,SC2128
@@ -72,6 +72,9 @@ if [ -f "$relief_root/.relief/orthanc/stamp" ]; then
 fi
 if [ -f "$relief_root/.relief/debian-root/stamp" ]; then
     export RELIEF_DEBIAN_ROOT="$relief_root/.relief/debian-root"
+fi
+if [ -f "$relief_root/.relief/kernel/stamp" ]; then
+    export RELIEF_WITH_KERNEL="$relief_root/scripts/with-kernel"
 fi
 if [ -f "$relief_root/.relief/osmesa/stamp" ]; then
     relief_add_libraries "$relief_root/.relief/osmesa/lib"

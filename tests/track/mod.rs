@@ -1,7 +1,12 @@
-//! `relief track` and `relief calibrate`, beside other solvers and libraries, and a remote that the
-//! kernel plays.
+//! `relief track` and `relief calibrate`, beside other solvers and libraries, a remote that a
+//! kernel plays, and a kernel's pointer.
 
 mod command;
 mod cwiid;
+#[cfg(target_os = "linux")]
+mod kernel;
 mod peers;
+#[cfg(target_os = "linux")]
 mod uhid;
+#[cfg(target_os = "linux")]
+mod uinput;

@@ -1,10 +1,7 @@
 //! The virtual remote as a device of the kernel's, through /dev/uhid: found, brought up and tracked
 //! by `relief track --reports hidraw` as a Wiimote is, beside the kernel's own driver for it.
 //!
-//! Runs where /dev/uhid may be written, and says aloud where it does not. The encoding of uhid's
-//! events, which is our own, is tested everywhere: against the kernel's header, where there is a C
-//! compiler.
-#![cfg(target_os = "linux")]
+//! The encoding of uhid's events, which is our own, is tested against the kernel's header, too.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may panic and talk, in its helpers too")]
 
 use std::fs::File;
@@ -17,6 +14,8 @@ use std::time::{Duration, Instant};
 use nalgebra::Vector3;
 use relief_tracking::{Beacon, InputReport, Output, RemoteSenses, SensorPose, Simulation, VirtualRemote};
 use serde_json::Value;
+
+use super::kernel;
 
 /// `enum uhid_event_type` of linux/uhid.h.
 const DESTROY: u32 = 1;
@@ -204,20 +203,16 @@ impl Drop for Running {
     }
 }
 
-/// hidraw's name of this device and the driver that took it, and whether there are other remotes.
-fn found_by_kernel() -> Option<(String, String, bool)> {
-    let (mut ours, mut others) = (None, false);
+/// hidraw's name of this device and the driver that took it.
+fn found_by_kernel() -> Option<(String, String)> {
     for entry in std::fs::read_dir("/sys/class/hidraw").ok()?.flatten() {
         let uevent = std::fs::read_to_string(entry.path().join("device/uevent")).unwrap_or_default();
-        let value =
-            |key: &str| uevent.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default().to_owned();
+        let value = |key: &str| uevent.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default();
         if value("HID_UNIQ=") == UNIQUE {
-            ours = Some((entry.file_name().to_string_lossy().into_owned(), value("DRIVER=")));
-        } else {
-            others |= value("HID_ID=").to_uppercase().contains(":0000057E:");
+            return Some((entry.file_name().to_string_lossy().into_owned(), value("DRIVER=").to_owned()));
         }
     }
-    ours.map(|(name, driver)| (name, driver, others))
+    None
 }
 
 /// A sensor at rest before the recommended beacon, and its measurements.
@@ -243,30 +238,23 @@ fn rest() -> (SensorPose, Vec<RemoteSenses>) {
     (pose, reports.iter().filter_map(|made| senses(&made.report)).collect())
 }
 
+/// Invariant: A Wiimote is found, brought up and tracked through the kernel, beside the kernel's own
+/// driver.
 #[test]
 fn the_kernels_virtual_wiimote_is_found_brought_up_and_tracked() {
-    let skip = |why: &str| {
-        eprintln!("UNAVAILABLE: the_kernels_virtual_wiimote_is_found_brought_up_and_tracked ({why})");
-    };
-    let uhid = match File::options().read(true).write(true).open("/dev/uhid") {
-        Ok(uhid) => uhid,
-        Err(error) => return skip(&format!("/dev/uhid: {error}")),
-    };
+    if !kernel::entered("track::uhid::the_kernels_virtual_wiimote_is_found_brought_up_and_tracked") {
+        return;
+    }
+    let uhid = File::options().read(true).write(true).open("/dev/uhid").unwrap();
     let (truth, senses) = rest();
     let mut device = Device::create(uhid, senses);
-    let Some((name, driver, others)) = device.live_until(found_by_kernel) else {
-        return skip("the kernel makes no hidraw device of a uhid device");
-    };
+    let (name, driver) = device.live_until(found_by_kernel).expect("a hidraw device");
+    assert_eq!(driver, "wiimote");
     let node = Path::new("/dev").join(&name);
-    let may_open = || File::options().read(true).write(true).open(&node).ok();
-    if device.live_until(may_open).is_none() {
-        return skip(&format!("{} may not be opened", node.display()));
-    }
-    eprintln!("the kernel's driver is {driver:?}");
-    // Where there is a real one too, the first that is found may be that.
-    let source = if others { node.to_str().unwrap() } else { "hidraw" };
+    let opened = device.live_until(|| File::options().read(true).write(true).open(&node).ok());
+    assert!(opened.is_some(), "{}", node.display());
     let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-    command.args(["track", "--json", "--reports", source]).stdout(Stdio::piped());
+    command.args(["track", "--json", "--reports", "hidraw"]).stdout(Stdio::piped());
     let mut running = Running(command.spawn().unwrap());
     let lines = BufReader::new(running.0.stdout.take().unwrap()).lines();
     let (sender, poses) = sync_channel(1024);
