@@ -7,7 +7,7 @@ use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
@@ -55,7 +55,7 @@ fn node() -> PathBuf {
 
 /// Reads events on a thread, until the device is gone.
 fn read_events(mut device: File) -> Receiver<(u16, u16, i32)> {
-    let (sender, events) = channel();
+    let (sender, events) = sync_channel(1 << 16);
     let read = move || {
         let mut event = [0; EVENT_BYTES];
         while device.read_exact(&mut event).is_ok() {
