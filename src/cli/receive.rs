@@ -24,7 +24,7 @@ use crate::stop::stop_signal;
 Examples:
   relief receive --into inbox --caller PACS@10.0.0.7 --listen 0.0.0.0:11112
   relief receive --into inbox --caller PACS@10.0.0.7:104  storage commitment is reported to port 104
-  relief receive --into inbox --caller SCANNER            on this machine alone, 127.0.0.1:11112
+  relief receive --into inbox --caller SCANNER --port 104 on this machine alone
   echoscu -aec RELIEF -aet SCANNER 127.0.0.1 11112        ask whether it answers (DCMTK)
   storescu -aec RELIEF -aet SCANNER +sd +r 127.0.0.1 11112 chest
 
@@ -40,6 +40,9 @@ pub(super) struct ReceiveArguments {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:11112")]
     listen: SocketAddr,
+    /// The same as --listen 127.0.0.1:PORT
+    #[arg(long, conflicts_with = "listen")]
+    port: Option<u16>,
     /// A caller that is known, by its title and, better, its address; reports about storage
     /// commitment go to the port, or without it into the caller's association; may be given several
     /// times
@@ -62,6 +65,12 @@ pub(super) struct ReceiveArguments {
 /// How often it is checked whether a series is complete.
 const CHECK: Duration = Duration::from_millis(200);
 
+impl ReceiveArguments {
+    fn address(&self) -> SocketAddr {
+        self.port.map_or(self.listen, |port| SocketAddr::from(([127, 0, 0, 1], port)))
+    }
+}
+
 pub(super) fn run(arguments: &ReceiveArguments) -> anyhow::Result<ExitCode> {
     let mut options = ReceiverOptions::new(&arguments.aet)
         .with_context(|| format!("--aet {:?} is not an application entity title", arguments.aet))?;
@@ -72,8 +81,8 @@ pub(super) fn run(arguments: &ReceiveArguments) -> anyhow::Result<ExitCode> {
     let inbox = Arc::new(inbox.with_context(|| format!("cannot use the folder {folder}"))?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let mut stop = runtime.block_on(async { stop_signal().map(Box::pin) })?;
-    let receiver = Receiver::start(arguments.listen, options, Arc::clone(&inbox))
-        .with_context(|| format!("cannot listen on {}", arguments.listen))?;
+    let receiver = Receiver::start(arguments.address(), options, Arc::clone(&inbox))
+        .with_context(|| format!("cannot listen on {}", arguments.address()))?;
     say!("listening on {} as {}", receiver.address(), arguments.aet);
     let quiet = Duration::from_secs(arguments.quiet.into());
     runtime.block_on(async {
@@ -101,10 +110,10 @@ fn report(inbox: &Inbox, quiet: Duration, json: bool) {
 
 fn warn_of_strangers(arguments: &ReceiveArguments) {
     let is_near = |address: IpAddr| address.is_loopback();
-    if !is_near(arguments.listen.ip()) && arguments.any_caller {
+    if !is_near(arguments.address().ip()) && arguments.any_caller {
         eprintln!(
             "warning: every machine that reaches {} can fill the folder; name callers by --caller",
-            arguments.listen
+            arguments.address()
         );
     }
 }

@@ -1,5 +1,6 @@
 //! `relief receive`: series that DCMTK and Orthanc send arrive whole, and what was acknowledged stays.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ pub(crate) struct Receiving {
 
 impl Receiving {
     pub(crate) fn start(inbox: &Path, more: &[&str]) -> Self {
-        let mut command = relief(&["receive", "--listen", "127.0.0.1:0", "--into"]);
+        let mut command = relief(&["receive", "--port", "0", "--into"]);
         command.arg(inbox);
         if !more.contains(&"--quiet") {
             command.args(["--quiet", "1"]);
@@ -70,6 +71,11 @@ fn printed(output: &Output) -> String {
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let all = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
     all.filter(|entry| entry.file_type().is_file()).map(walkdir::DirEntry::into_path).collect()
+}
+
+fn folders_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.filter(|path| path.is_dir()).collect()
 }
 
 fn picture(series: &Path, out: &Path) -> Vec<u8> {
@@ -288,7 +294,7 @@ fn what_was_acknowledged_survives_a_kill() {
     assert_eq!(received.count(), all);
 }
 
-/// Invariant: Four callers at once lose nothing, and the memory of a receiver does not grow with the
+/// Invariant: Four callers at once lose nothing, series stay in order, and the memory of a receiver does not grow with the
 /// number of objects.
 #[test]
 fn four_callers_at_once_lose_nothing() {
@@ -315,6 +321,12 @@ fn four_callers_at_once_lose_nothing() {
         }
     });
     assert_eq!(files_below(&inbox).len(), sent.into_inner());
+    // Pictures of the received series are those of the sent ones, so the slices are in their order.
+    let out = folder.path().join("view.png");
+    let studies = folders_in(&inbox).into_iter();
+    let received = studies.flat_map(|study| folders_in(&study)).map(|series| picture(&series, &out));
+    let pictures = series.iter().map(|series| picture(series, &out)).collect::<BTreeSet<_>>();
+    assert!(pictures.len() == 4 && pictures == received.collect());
     assert!(child::peak_of(&receiving.process) < 100, "{} MiB", child::peak_of(&receiving.process));
 }
 
