@@ -41,7 +41,7 @@ const LARGEST: u64 = 64 << 20;
 pub(super) struct CopyFolder {
     folder: PathBuf,
     /// Removes it when dropped, and marks it as used until then.
-    _temporary: Option<(TempDir, File)>,
+    temporary: Option<(TempDir, File)>,
 }
 
 /// A copy that is to be made.
@@ -81,14 +81,14 @@ impl CopyFolder {
         match folder {
             Some(folder) => {
                 std::fs::create_dir_all(folder)?;
-                Ok(Self { folder: folder.to_owned(), _temporary: None })
+                Ok(Self { folder: folder.to_owned(), temporary: None })
             }
             None => {
                 remove_abandoned();
                 let temporary = tempfile::Builder::new().prefix(TEMPORARY).tempdir()?;
                 let alive = File::create_new(temporary.path().join(ALIVE))?;
                 alive.lock()?;
-                Ok(Self { folder: temporary.path().to_owned(), _temporary: Some((temporary, alive)) })
+                Ok(Self { folder: temporary.path().to_owned(), temporary: Some((temporary, alive)) })
             }
         }
     }
@@ -157,7 +157,9 @@ impl CopyFolder {
         let written = fetch(&draft)?;
         let mut lock = File::create(made.join(CONTENTS))?;
         lock.write_all(&serde_json::to_vec(&written)?)?;
-        lock.sync_all()?;
+        if self.temporary.is_none() {
+            lock.sync_all()?;
+        }
         lock.lock_shared()?;
         std::fs::rename(&made, &folder)?;
         Ok((folder.join(FILES), lock))
