@@ -157,6 +157,7 @@ impl CopyFolder {
         let written = fetch(&draft)?;
         let mut lock = File::create(made.join(CONTENTS))?;
         lock.write_all(&serde_json::to_vec(&written)?)?;
+        // No later program uses a temporary copy.
         if self.temporary.is_none() {
             lock.sync_all()?;
         }

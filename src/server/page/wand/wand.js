@@ -116,7 +116,7 @@ function listen() {
       return;
     }
     removeEventListener("deviceorientation", sense);
-    addEventListener("deviceorientation", sense); // anew: the first was added without leave
+    addEventListener("deviceorientation", sense); // again: the first was added without permission
   });
 }
 
