@@ -20,6 +20,7 @@ import urllib.request
 import zipfile
 
 import numpy
+import space
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -317,6 +318,13 @@ def eyes(playwright, server):
     return found
 
 
+def in_space(playwright, server):
+    opened = browser(playwright, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    found = space.seen(opened, server, page_of, wait_for, wait_still, pixels)
+    opened.close()
+    return found
+
+
 def hands(playwright, server):
     """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
     opened = browser(playwright)
@@ -473,6 +481,7 @@ def main():
             found["outputs"] = outputs(playwright, server)
             found["comfort"] = comfort(playwright, server)
             found["eyes"] = eyes(playwright, server)
+            found["space"] = in_space(playwright, server)
             found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)

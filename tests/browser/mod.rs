@@ -149,7 +149,11 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
     // Which lens a subpixel at the edge of one belongs to is rounded in 32 bits.
     let lenses = outputs["lenses"]["different"].as_i64().unwrap();
     assert!((0..500).contains(&lenses), "{lenses} pixels of a panel with lenses differ");
-    assert!(outputs["facts"].as_str().unwrap().contains("side by side, 1920 × 540"), "{outputs}");
+    let facts = outputs["facts"].as_str().unwrap();
+    assert!(
+        facts.contains("side by side, 1920 × 540") && facts.contains("2, made in a worker in"),
+        "{facts}"
+    );
     let delay =
         outputs["facts"].as_str().unwrap().split("a movement is shown ").nth(1).expect("the delay is stated");
     let ms: f64 = delay.split(" ms").next().unwrap().parse().unwrap();
@@ -182,6 +186,18 @@ fn views_follow_the_eyes_of_a_head_tracker() {
     let words = eyes["words"].as_str().unwrap();
     assert!(words.contains("mm away") && words.contains("ms after they came"), "{words}");
     assert!(eyes["said"].as_str().unwrap().contains("out of range"), "a wrong datagram is reported: {eyes}");
+}
+
+/// Invariant: Views follow a tracked viewer: they are those of the same places of the eyes, byte by byte.
+#[test]
+fn a_screen_in_space_shows_each_eye_its_view_and_follows_the_head() {
+    let Some(seen) = seen("a screen in space") else { return };
+    let space = &seen["space"];
+    assert_eq!((&space["offered"], &space["problems"]), (&true.into(), &serde_json::json!([])), "{space}");
+    for place in ["rest", "aside"] {
+        assert!(space[place]["lit"].as_i64().unwrap() > 5000, "{space}");
+        assert_eq!(space[place]["different"], 0, "{place}: {space}");
+    }
 }
 
 /// Truth: the published formula, with 65 mm of eye separation on a screen of 42 inches and M = -1960.37.

@@ -134,6 +134,15 @@ def driven(browser, server):
             break
         time.sleep(0.05)
     seen["count"] = len(server.annotations()["items"])
+    # The head's farthest place is 100 mm from its centre.
+    window.key("m")
+    window.page.wait_for_timeout(1200)
+    seen["inside"] = window.page.inner_text("#comfort")
+    server.add_points(behind=[0, 400, 0], back=[0, 350, 0])
+    window.wait("document.getElementById('comfort').innerText !== ''", 60)
+    settled(window)
+    window.page.wait_for_timeout(1200)
+    seen["outside"] = window.page.inner_text("#comfort")
     seen["problems"] = window.problems + phone.problems
     return seen
 

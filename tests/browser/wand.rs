@@ -45,6 +45,11 @@ fn a_phone_turns_points_and_places() {
     let placed = open["placed"].as_array().unwrap();
     assert_eq!(placed.len(), 1, "{placed:?}: {}", open["said"]);
     assert_eq!(open["count"], 3, "one with Place held, one by a key");
+    assert_eq!(open["inside"], "", "every landmark is within the depth");
+    let outside = open["outside"].as_str().unwrap();
+    let (named, others) =
+        (outside.contains("“behind” is "), outside.contains("; another landmark is outside of it, too"));
+    assert!(named && others && outside.contains(" mm behind the depth that the display shows"), "{outside}");
 
     let guarded = &seen["guarded"];
     assert_eq!((&guarded["has_ticket"], &guarded["is_read"]), (&json!(true), &json!(true)), "{guarded}");

@@ -73,6 +73,14 @@ export function outsideWords(what, point, { limits: [near, far], eye, lookAt }) 
   return `${what} is ${Math.abs(depth - (depth < near ? near : far)).toFixed(0)} mm ${depth < near ? "in front of" : "behind"} the depth that the display shows.`;
 }
 
+/** What is to be said of landmarks outside of the depth (`outside` of the state); empty if there are none. */
+export function landmarksOutsideWords(outside) {
+  if (!outside) return "";
+  const count = outside.count - 1;
+  const others = count ? `; ${count === 1 ? "another landmark is" : `${count} other landmarks are`} outside of it, too` : "";
+  return `“${outside.label}” is ${Math.abs(outside.behind_mm)} mm ${outside.behind_mm < 0 ? "in front of" : "behind"} the depth that the display shows${others}.`;
+}
+
 /** Draws the histogram: from far (left) to near, with the screen and the limits as lines. */
 export function drawHistogram(canvas, { counts, parallax }, [mostFront, mostBehind]) {
   const context = canvas.getContext("2d");

@@ -2,19 +2,20 @@
 //
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
-// has no size of its own). With output (see outputs.js) the page makes views for other displays:
+// has no size of its own), annotations (true, or sets with commas between them) and their author. With output (see outputs.js) the page makes views for other displays:
 // views, span, eye, inches, lens, subpixels, swap, distance, and layers (1 or 2). Views follow the
-// eyes that a client of the view sends. comfort has the limits of parallax (see comfort.js).
+// eyes that a client of the view sends, or those of a WebXR session. comfort has the limits of parallax (see comfort.js).
 
 import { onControls } from "./controls.js";
-import { comfortOf, comfortProblems, comfortWords, drawHistogram, outsideWords, parallaxOf } from "./comfort.js";
+import { comfortOf, comfortProblems, comfortWords, drawHistogram, landmarksOutsideWords, outsideWords, parallaxOf } from "./comfort.js";
 import { Panel } from "./panel.js";
 import { compose, layoutOf } from "./frame.js";
-import { outputOf } from "./outputs.js";
+import { outputOf, screenOf } from "./outputs.js";
 import { showPairing } from "./pairing.js";
 import { Session } from "./session.js";
 import { SpaceMouse } from "./spacemouse.js";
-import { Synthesis } from "./synthesis.js";
+import { synthesizerOf } from "./synthesizer.js";
+import { canImmerse, immerse } from "./virtual-screen.js";
 import { Wiimote } from "./wiimote.js";
 
 const $ = (id) => document.getElementById(id);
@@ -33,10 +34,13 @@ let tracking = "";
 let remote = "";
 /** What is to be said of the SpaceMouse. */
 let cap = "";
-/** The newest frame, from which views for other eyes are made. */
-let last = null;
 /** Where the viewer's eyes are, and the time from there to the picture, ms. */
 let viewer = null;
+/** Eyes that are not shown yet, and whether views are on their way. */
+let coming = null;
+let isFollowing = false;
+/** Ends the screen in space, while there is one. */
+let leave = null;
 /** Time from sending a movement of the view to the frame that shows it, ms. */
 let servedMs;
 /** Disparity of the frame on the display, as it came. */
@@ -47,8 +51,10 @@ const arrivals = [];
 
 const panel = new Panel(canvas, selfTest);
 const profile = parameters.get("profile") ?? "philips-42";
-const synthesis = checked(synthesisOf);
-const comfortLimits = checked(() => comfortOf(parameters));
+/** The output that this page makes views for; undefined if the display takes the frames themselves. */
+const output = await checked(() => outputOf(parameters));
+const comfortLimits = await checked(() => comfortOf(parameters));
+const synthesizer = output && (await checked(() => synthesizerOf(parameters.toString(), profile)));
 /** The parallax of the frame on the display. */
 let comfort = null;
 /** Times of the view synthesis of the last frames, ms. */
@@ -56,16 +62,10 @@ const madeMs = [];
 /** For scripts that drive the page: the current view, from the state in every frame. */
 Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
-/** The view synthesis of the output; undefined if the display takes the frames themselves. */
-function synthesisOf() {
-  const output = outputOf(parameters);
-  return output && new Synthesis(output, profile);
-}
-
 /** What `read` reads from the address; an invalid address ends the page with the reason. */
-function checked(read) {
+async function checked(read) {
   try {
-    return read();
+    return await read();
   } catch (error) {
     $("state").textContent = error.message;
     document.documentElement.dataset.connection = "ended";
@@ -74,26 +74,54 @@ function checked(read) {
 }
 
 /** The frame for the panel. */
-function frameOf(header, layers) {
-  if (!synthesis) return compose(header, layers);
-  const since = performance.now();
-  const frame = synthesis.frame(header.full, layers, header.display);
-  madeMs.push(performance.now() - since);
-  while (madeMs.length > 30) madeMs.shift();
-  return frame;
+async function frameOf(header, layers) {
+  return synthesizer ? made(await synthesizer.frame(header.full, layers, header.display)) : compose(header, layers);
 }
 
-/** Shows the newest frame for other eyes, at the next refresh of the screen. */
-function follow(eyes) {
-  if (!synthesis?.follow(eyes)) return;
-  const isWaiting = viewer?.isWaiting;
-  viewer = { ...viewer, eyes, since: isWaiting ? viewer.since : performance.now(), isWaiting: true };
-  if (isWaiting) return;
-  requestAnimationFrame(() => {
-    if (last) panel.show(frameOf(last.header, last.layers));
-    viewer = { ...viewer, isWaiting: false, shownMs: performance.now() - viewer.since, count: (viewer.count ?? 0) + 1 };
-    document.documentElement.dataset.eyes = viewer.count;
-  });
+/** The picture that the view synthesis has made. */
+function made({ image, ms }) {
+  if (image) madeMs.push(ms);
+  while (madeMs.length > 30) madeMs.shift();
+  return image;
+}
+
+/** Shows the newest frame for other eyes, at the next refresh of the screen; eyes that come meanwhile are next. */
+async function follow(eyes) {
+  coming = { eyes, since: coming?.since ?? performance.now() };
+  if (!synthesizer || isFollowing) return;
+  isFollowing = true;
+  while (coming) {
+    // A screen in space has refreshes of its own, and begins each with its eyes.
+    if (!leave) await new Promise(requestAnimationFrame);
+    await showFor(coming).catch((error) => refused(error.message));
+  }
+  isFollowing = false;
+}
+
+async function showFor({ eyes, since }) {
+  coming = null;
+  const image = made(await synthesizer.follow(eyes));
+  if (!image) return;
+  panel.show(image);
+  viewer = { eyes, shownMs: performance.now() - since, count: (viewer?.count ?? 0) + 1 };
+  document.documentElement.dataset.eyes = viewer.count;
+}
+
+/** Shows both views on a screen in space, or ends that. */
+async function toggleSpace() {
+  if (leave) return leave();
+  const { screenWidthMm, distance } = screenOf(output, profile);
+  const ended = () => {
+    leave = null;
+    delete document.documentElement.dataset.space;
+  };
+  try {
+    leave = await immerse({ panel: canvas, width: screenWidthMm / 1000, distance: distance / 1000, follow, ended });
+    document.documentElement.dataset.space = "";
+  } catch (error) {
+    refused(`The screen in space did not open: ${error.message}`);
+    describe();
+  }
 }
 
 /** What is known of the viewer. */
@@ -106,7 +134,7 @@ function viewerWords() {
 
 /** The layout that the server sends: with a back layer or without one where this page makes views. */
 function layoutToAsk() {
-  if (!synthesis) return parameters.get("layout") ?? "wowvx";
+  if (!output) return parameters.get("layout") ?? "wowvx";
   return parameters.get("layers") === "2" ? "declipse" : "rgbd";
 }
 
@@ -115,17 +143,23 @@ function helloOf() {
   const text = (name) => (parameters.has(name) ? { [name]: parameters.get(name) } : {});
   const display = { layout: layoutToAsk(), ...text("profile"), ...number("factor"), ...number("offset") };
   const size = parameters.get("size")?.split("x").map(Number);
-  const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}) };
-  return { ...text("volume"), ...text("view"), ...text("role"), settings };
+  const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}), ...drawnSets() };
+  return { ...text("volume"), ...text("view"), ...text("role"), ...text("author"), settings };
+}
+
+/** The sets of annotations that the view draws: all, or those that the address names. */
+function drawnSets() {
+  const sets = parameters.get("annotations");
+  if (sets === null) return {};
+  return { annotations: sets === "true" || sets === "false" ? sets === "true" : sets.split(",") };
 }
 
 const session = new Session(helloOf(), {
-  show(header, layers) {
-    panel.show(frameOf(header, layers));
+  async show(header, layers) {
+    panel.show(await frameOf(header, layers));
     servedMs = session.delayOf(header.showsSeq) ?? servedMs;
     shown = header;
     lastDepth = layers[0].depth;
-    last = { header, layers };
     arrivals.push(performance.now());
     while (arrivals.length > 30) arrivals.shift();
     // Screen readers would read text on the frame with each change.
@@ -137,7 +171,7 @@ const session = new Session(helloOf(), {
   },
   heard(message) {
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
-    if (message.type === "state") view = { ...view, state: message.state };
+    if (message.type === "state") view = { ...view, state: message.state, outside: message.outside };
     if (message.type === "eyes") follow(message);
     if (message.type === "tracking") tracking = message.state;
     if (message.type === "error") refused(message.problem.detail ?? message.problem.title);
@@ -202,7 +236,7 @@ const kindOf = ({ layout, full }) => `${layout} ${full.join(" ")}`;
 function selfTest() {
   if (!shown) return;
   tested = kindOf(shown);
-  const found = panel.problems(!synthesis && layoutOf(shown.layout).hasHeader);
+  const found = panel.problems(!output && layoutOf(shown.layout).hasHeader);
   document.documentElement.dataset.test = found.length ? "bad" : "good";
   if (!menu.open) return;
   $("test").className = found.length ? "bad" : "good";
@@ -214,7 +248,8 @@ function selfTest() {
 function checkComfort() {
   if (!lastDepth) return;
   comfort = parallaxOf(lastDepth, profile, shown.display);
-  const found = [...comfortProblems(comfort, comfortLimits), outsideWords("The cursor", view?.state?.cursor_mm, shown)].filter(Boolean);
+  const outside = [outsideWords("The cursor", view?.state?.cursor_mm, shown), landmarksOutsideWords(view?.outside)];
+  const found = [...comfortProblems(comfort, comfortLimits), ...outside].filter(Boolean);
   document.documentElement.dataset.comfort = found.length ? "bad" : "good";
   if (!menu.open) return;
   $("comfort").replaceChildren(...found.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
@@ -226,8 +261,8 @@ function fillFacts() {
   const { full, size, lossless, layout, totalUs, renderUs } = shown;
   const facts = {
     View: view ? `${view.name}, ${view.role}` : "",
-    Layout: `${synthesis ? synthesis.output.words : layout}, ${canvas.width} × ${canvas.height}`,
-    Views: synthesis ? `${synthesis.output.views}, made in ${Math.max(...madeMs).toFixed(1)} ms at most` : "",
+    Layout: `${output ? output.words : layout}, ${canvas.width} × ${canvas.height}`,
+    Views: output ? `${output.views}, made ${synthesizer.place} in ${Math.max(...madeMs).toFixed(1)} ms at most` : "",
     Picture: `${size.join(" × ")} of ${full.join(" × ")}, ${lossless ? "lossless" : "JPEG"}`,
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
@@ -282,7 +317,7 @@ function placeOf(x, y) {
   const at = shown && panel.pixelAt(x, y);
   if (!at) return null;
   const ofFrame = () => [at[0], at[1] / (layoutOf(shown.layout).placement?.lineStep ?? 1)];
-  const [u, v] = synthesis ? synthesis.output.place(at, shown.full) : ofFrame();
+  const [u, v] = output ? output.place(at, shown.full) : ofFrame();
   return u < shown.full[0] && v < shown.full[1] ? [u, v] : null;
 }
 
@@ -305,13 +340,15 @@ async function choosePreset(at) {
 onControls(canvas, {
   send: (intent) => session.intent(intent),
   placeOf,
-  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, s: connectSpaceMouse, p: pairPhone },
+  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, s: connectSpaceMouse, p: pairPhone, v: () => !$("space").hidden && toggleSpace() },
 });
 $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);
 $("wiimote").addEventListener("click", connectWiimote);
 $("wand").addEventListener("click", pairPhone);
 $("spacemouse").addEventListener("click", connectSpaceMouse);
+$("space").addEventListener("click", toggleSpace);
+if (output?.name === "stereo") canImmerse().then((can) => ($("space").hidden = !can));
 $("wiimote").hidden = $("spacemouse").hidden = !Wiimote.isPossible;
 menu.addEventListener("keydown", (event) => ["m", "?"].includes(event.key) && toggleMenu());
 setInterval(tick, 1000);

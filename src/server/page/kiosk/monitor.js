@@ -68,7 +68,8 @@ function frameOf(name, size, layers, display) {
     synthesis = new Synthesis(outputOf(query), "philips-42");
     outputQuery = query.toString();
   }
-  return synthesis.frame(size, layers, display);
+  synthesis.take(size, layers, display);
+  return synthesis.draw();
 }
 
 function draw() {

@@ -2,7 +2,7 @@
 //
 // Quilts have the columns and rows that the server's layouts views-N have. Sizes in pixels. A picture of W × H gives the frame of each output.
 
-import { GRIDS } from "./layouts.js";
+import { GRIDS, PROFILES } from "./layouts.js";
 
 /** By name: the number in the shader, the frame, the number of views, and the place of a frame's pixel in the picture. */
 const OUTPUTS = {
@@ -63,6 +63,16 @@ export function outputOf(parameters) {
   return { name, ...output, views, grid: GRIDS[Math.max(2, views)], span, eye, inches, distance, lens, isBgr, isSwapped: parameters.has("swap") };
 }
 
+/** The screen of a display: its width, and from where it is seen, mm. Throws if the profile has no such name. */
+export function screenOf({ inches, distance }, profile) {
+  const known = PROFILES[profile];
+  if (!known) throw new Error(`profile is ${profile}; allowed: ${Object.keys(PROFILES).join(", ")}`);
+  const screenWidthMm = inches ? (inches * MM_PER_INCH * 16) / Math.hypot(16, 9) : known.screenWidthMm;
+  // Displays are seen from twice their width where the address has no distance: 1.86 m for 42 inches.
+  return { ...known, screenWidthMm, distance: distance || 2 * screenWidthMm };
+}
+
+const MM_PER_INCH = 25.4;
 const EYE_SEPARATION_MM = 65;
 
 /**

@@ -42,7 +42,7 @@ export class Session {
   #notYet = "";
 
   /**
-   * `hello` is the message without `type` and `accept`; `show` gets (header, layers), `heard` gets every message of the server,
+   * `hello` is the message without `type` and `accept`; `show` gets (header, layers) and may take its time, `heard` gets every message of the server,
    * `changed` gets the state of the connection (connecting, live, waiting or ended) and a reason.
    */
   constructor(hello, { show, heard, changed }) {
@@ -178,7 +178,7 @@ export class Session {
     let wrong = null;
     try {
       header = readHeader(bytes);
-      this.show(header, layersOf(header, await unpack(header, bytes)));
+      await this.show(header, layersOf(header, await unpack(header, bytes)));
     } catch (error) {
       wrong = error.message;
     }

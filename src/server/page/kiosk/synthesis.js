@@ -3,14 +3,12 @@
 // Parallax as the server's crate `display` has it (src/display/views/parallax.rs). Shifts are whole
 // numbers of 1/4096 pixel to the right.
 
-import { PROFILES } from "./layouts.js";
-import { eyesOf, trackedEyes } from "./outputs.js";
+import { eyesOf, screenOf, trackedEyes } from "./outputs.js";
 import { BLOCK_PX, FLATS, FRAGMENT, SPANS, VERTEX } from "./view-shader.js";
 
 const UNIT = 4096;
 const EYE_SEPARATION_MM = 65;
 const USUAL_FACTOR = 64;
-const MM_PER_INCH = 25.4;
 /** Farthest place of an eye that is followed, in eye separations. */
 const MOST_EYES = 16;
 /** Texture units, in this order. */
@@ -39,17 +37,15 @@ export class Synthesis {
   #shifts = "";
   #size = "";
   #reach = 1;
+  /** Size, number of layers and header values of the picture that was taken last. */
+  #picture = null;
 
-  /** `output` is the result of `outputOf`; `profile` names a display. Throws where there is no WebGL2. */
-  constructor(output, profile) {
+  /** `output` is the result of `outputOf`; `profile` names a display. Draws on `canvas`. Throws where there is no WebGL2. */
+  constructor(output, profile, canvas = document.createElement("canvas")) {
     this.output = output;
-    const known = PROFILES[profile];
-    if (!known) throw new Error(`profile is ${profile}; allowed: ${Object.keys(PROFILES).join(", ")}`);
-    const screenWidthMm = output.inches ? (output.inches * MM_PER_INCH * 16) / Math.hypot(16, 9) : known.screenWidthMm;
-    this.display = { ...known, screenWidthMm };
-    // Displays are seen from twice their width where the address has no distance: 1.86 m for 42 inches.
-    this.output.distance ||= 2 * screenWidthMm;
-    this.canvas = new OffscreenCanvas(1, 1);
+    this.display = screenOf(output, profile);
+    this.output.distance = this.display.distance;
+    this.canvas = canvas;
     const gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL2, which outputs of views need; without output= the page shows 2D plus depth");
     this.#gl = gl;
@@ -116,11 +112,11 @@ export class Synthesis {
     this.#shifts = key;
   }
 
-  /** Makes views for the eyes of this viewer from now on. Whether the output follows a viewer. */
+  /** Makes views for the eyes of this viewer from now on. Whether there is a picture, and the output follows a viewer. */
   follow(eyes) {
     const tracked = trackedEyes(this.output, eyes);
     if (tracked) this.output.tracked = tracked.map((eye) => Math.max(-MOST_EYES, Math.min(MOST_EYES, eye)));
-    return Boolean(tracked);
+    return Boolean(tracked && this.#picture);
   }
 
   /** Frees the graphics context: a browser has few. */
@@ -162,12 +158,10 @@ export class Synthesis {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** The frame of the output as a canvas. `layers` have colour (RGBA, 32 bits) and depth (D) of `size`, front first. */
-  frame(size, layers, display) {
+  /** Takes a picture. `layers` have colour (RGBA, 32 bits) and depth (D) of `size`, front first. */
+  take(size, layers, display) {
     const gl = this.#gl;
-    const { arrangement, grid, views, lens, isBgr, isSwapped } = this.output;
-    const [width, height] = this.output.frame(size, grid);
-    if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+    this.#picture = { size, count: layers.length, display };
     layers.forEach(({ color, depth }, at) => {
       const bytes = new Uint8Array(color.buffer, color.byteOffset, color.byteLength);
       this.#fill(["frontColor", "backColor"][at], size, [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE], bytes);
@@ -177,14 +171,23 @@ export class Synthesis {
       this.#fill("backColor", [1, 1], [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE], new Uint8Array(4));
       this.#fill("backDepth", [1, 1], [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE], new Uint8Array(1));
     }
+  }
+
+  /** The frame of the output for the eyes of now, as a canvas; after `take`. */
+  draw() {
+    const gl = this.#gl;
+    const { size, count, display } = this.#picture;
+    const { arrangement, grid, views, lens, isBgr, isSwapped } = this.output;
+    const [width, height] = this.output.frame(size, grid);
+    if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
     this.#prepareShifts(size[0], display);
-    this.#prepareSpans(size, layers.length);
+    this.#prepareSpans(size, count);
     const { program, places } = this.#frame;
     gl.useProgram(program);
     gl.uniform2i(places.sizePx, ...size);
     gl.uniform2i(places.framePx, width, height);
     gl.uniform2i(places.gridPx, ...grid);
-    gl.uniform1i(places.hasBack, Number(layers.length > 1));
+    gl.uniform1i(places.hasBack, Number(count > 1));
     gl.uniform1i(places.reach, this.#reach);
     gl.uniform1i(places.arrangement, arrangement);
     gl.uniform1i(places.viewCount, views);

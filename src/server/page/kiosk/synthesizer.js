@@ -1,0 +1,94 @@
+// The view synthesis of the page: in a worker, or on the page's own thread where a browser has no
+// graphics in workers.
+
+import { outputOf } from "./outputs.js";
+import { Synthesis } from "./synthesis.js";
+
+/** Makes views on the page's own thread; the same methods as `InWorker`. */
+class OnPage {
+  place = "on the page's thread";
+  #synthesis;
+
+  constructor(query, profile) {
+    this.#synthesis = new Synthesis(outputOf(new URLSearchParams(query)), profile);
+  }
+
+  async frame(size, layers, display) {
+    const since = performance.now();
+    this.#synthesis.take(size, layers, display);
+    return this.#drawn(since);
+  }
+
+  async follow(eyes) {
+    return this.#synthesis.follow(eyes) ? this.#drawn(performance.now()) : {};
+  }
+
+  #drawn(since) {
+    const image = this.#synthesis.draw();
+    return { image, ms: performance.now() - since };
+  }
+}
+
+/** Makes views in a worker. */
+class InWorker {
+  place = "in a worker";
+  #worker;
+  #number = 0;
+  /** What waits for the answer to a message, by its number. */
+  #waiting = new Map();
+
+  constructor() {
+    this.#worker = new Worker("/synthesis-worker.js", { type: "module" });
+    this.#worker.addEventListener("message", ({ data }) => {
+      const { resolve, reject } = this.#waiting.get(data.number);
+      this.#waiting.delete(data.number);
+      if (data.error) reject(new Error(data.error));
+      else resolve(data);
+    });
+    // A worker that cannot start, or that ends, answers nothing more.
+    this.#worker.addEventListener("error", ({ message }) => {
+      for (const { reject } of this.#waiting.values()) reject(new Error(message || "the worker of the view synthesis ended"));
+      this.#waiting.clear();
+    });
+  }
+
+  #call(call, values) {
+    this.#number += 1;
+    const answer = new Promise((resolve, reject) => this.#waiting.set(this.#number, { resolve, reject }));
+    this.#worker.postMessage({ number: this.#number, call, values });
+    return answer;
+  }
+
+  async start(query, profile) {
+    try {
+      await this.#call("start", { query, profile });
+    } catch (error) {
+      this.#worker.terminate();
+      throw error;
+    }
+    return this;
+  }
+
+  frame(size, layers, display) {
+    return this.#call("frame", { size, layers, display });
+  }
+
+  follow(eyes) {
+    return this.#call("follow", { eyes });
+  }
+}
+
+/**
+ * The view synthesis of an address; throws where the address or the browser does not allow it. `frame(size, layers, display)` and
+ * `follow(eyes)` give the picture and how long it took (`image`, `ms`); `follow` gives no picture where the output follows nobody.
+ */
+export async function synthesizerOf(query, profile) {
+  if (typeof Worker === "function" && typeof OffscreenCanvas === "function") {
+    try {
+      return await new InWorker().start(query, profile);
+    } catch {
+      // Tried on the page below, which throws the reason if it is not the worker.
+    }
+  }
+  return new OnPage(query, profile);
+}
