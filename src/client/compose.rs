@@ -1,9 +1,14 @@
 //! Composes the display's frame from a received frame, and checks its header.
 
+use std::sync::Arc;
+
 use super::link::Received;
-use relief_display::{DisplayProfile, Frame, Header, HeaderReading, Layout, Pixels};
+use relief_display::{
+    DisplayProfile, Frame, Header, HeaderReading, Layout, Pixels, ProcessorViews, Synthesize, tracked_eyes,
+};
 use relief_live::{
-    ComposeError, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame, ViewsOutput,
+    ComposeError, Eyes, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame, ReceivedLayers,
+    ViewsOutput,
 };
 
 /// Composes frames of one session.
@@ -12,6 +17,9 @@ pub struct Composer {
     curve: DisplayProfile,
     asked: Option<Header>,
     views: Option<ViewsOutput>,
+    maker: Arc<dyn Synthesize>,
+    /// From where a viewer sees the display's own parallax, mm.
+    distance_mm: f64,
 }
 
 /// A frame of the display.
@@ -43,14 +51,28 @@ impl Composer {
     /// For a display with this curve, which converts Z to D if the server sends Z. `asked` is the
     /// expected header of the display; without it, the header that the server sends counts.
     #[must_use]
-    pub const fn new(curve: DisplayProfile, asked: Option<Header>) -> Self {
-        Self { curve, asked, views: None }
+    pub fn new(curve: DisplayProfile, asked: Option<Header>) -> Self {
+        let distance_mm = 2.0 * curve.screen_width_mm();
+        Self { curve, asked, views: None, maker: Arc::new(ProcessorViews), distance_mm }
     }
 
-    /// The same composer for a display that takes views: they are made here.
+    /// The same composer for a display that takes views: `maker` makes them here.
     #[must_use]
-    pub const fn with_views(self, views: Option<ViewsOutput>) -> Self {
-        Self { views, ..self }
+    pub fn with_views(self, output: ViewsOutput, maker: Arc<dyn Synthesize>) -> Self {
+        Self { views: Some(output), maker, ..self }
+    }
+
+    /// The same composer for viewers at this distance from the screen, mm; twice the width of the
+    /// screen without it.
+    #[must_use]
+    pub fn with_distance_mm(self, distance_mm: f64) -> Self {
+        Self { distance_mm, ..self }
+    }
+
+    /// Whether its views follow a tracked viewer: those of two eyes do.
+    #[must_use]
+    pub fn follows_eyes(&self) -> bool {
+        self.views.is_some_and(|output| output.layout.view_count() == 2)
     }
 
     /// The frame of the display, its header row read back.
@@ -58,16 +80,42 @@ impl Composer {
     /// # Errors
     /// When the received frame is damaged, or has no layout for a display.
     pub fn compose(&self, received: &Received) -> Result<Composed, PictureError> {
+        if let Some(output) = &self.views {
+            return self.views(output, &self.layers(output, received)?, None);
+        }
         let picture = ReceivedFrame::decode(&received.bytes)?;
         let header = picture.header;
-        if let Some(output) = &self.views {
-            let frame = picture.compose_views(&self.curve, output)?;
-            return Ok(Composed { header, layout: output.layout, frame, header_problem: None });
-        }
         let LiveLayout::Of(layout) = header.layout else { return Err(ComposeError::NoLayout.into()) };
         let frame = picture.compose(&self.curve)?;
         let header_problem = layout.has_header().then(|| self.header_problem(&header, &frame)).flatten();
         Ok(Composed { header, layout, frame, header_problem })
+    }
+
+    /// What the views of a frame are made of; they are made anew for other eyes.
+    pub(crate) fn layers(
+        &self,
+        output: &ViewsOutput,
+        received: &Received,
+    ) -> Result<ReceivedLayers, PictureError> {
+        Ok(ReceivedFrame::decode(&received.bytes)?.layers(&self.curve, output.layout)?)
+    }
+
+    /// The views of a frame for these eyes; for a viewer before the middle of the screen without them.
+    pub(crate) fn views(
+        &self,
+        output: &ViewsOutput,
+        layers: &ReceivedLayers,
+        eyes: Option<&Eyes>,
+    ) -> Result<Composed, PictureError> {
+        let tracked_eyes = eyes.map(|eyes| tracked_eyes(eyes.left_mm, eyes.right_mm, self.distance_mm));
+        let output = ViewsOutput { tracked_eyes, ..*output };
+        let frame = layers.compose_views(&self.curve, &output, self.maker.as_ref())?;
+        Ok(Composed { header: layers.header, layout: output.layout, frame, header_problem: None })
+    }
+
+    /// The views that it makes; `None` where the display takes the frames themselves.
+    pub(crate) const fn output(&self) -> Option<&ViewsOutput> {
+        self.views.as_ref()
     }
 
     fn header_problem(&self, header: &FrameHeader, frame: &Frame) -> Option<String> {

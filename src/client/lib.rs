@@ -41,4 +41,4 @@ pub use journal::{
 };
 pub use measure::{MeasurePlan, MeasureReport, measure};
 #[cfg(feature = "window")]
-pub use window::{Lettering, LetteringFn, Screen, Window, WindowError, WindowOptions};
+pub use window::{Followed, Lettering, LetteringFn, Screen, Window, WindowError, WindowOptions};

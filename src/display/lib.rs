@@ -47,6 +47,7 @@ pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName}
 pub use screen_plane::ScreenPlane;
 pub use settings::{DisplaySettings, ProfileSetting, SettingsError, VIEW_SPANS};
 pub use views::{
-    Arrangement, Axis, KeyView, LensPanel, MAX_VIEWS, PanelError, Parallax, QuiltName, Subpixels, TrueViews,
-    Turns, ViewCount, ViewGrid, Views, anaglyph, eyes, interpolate, psnr_db, synthesize,
+    Arrangement, Axis, KeyView, LensPanel, MAX_VIEWS, PanelError, Parallax, ProcessorViews, QuiltName,
+    Subpixels, Synthesize, TrueViews, Turns, ViewCount, ViewGrid, Views, anaglyph, check_layers, eyes,
+    interpolate, psnr_db, synthesize, tracked_eyes,
 };

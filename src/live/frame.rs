@@ -10,8 +10,8 @@ use super::format::{ColorFormat, DepthFormat, LiveLayout};
 use super::header::{FrameError, FrameHeader, HEADER_BYTES};
 use relief_base::ScaledDepth;
 use relief_display::{
-    DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout, LayoutError, LensPanel,
-    MAX_FRAME_SIDE_PX, ProfileError,
+    DecodedLayer, DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout,
+    LayoutError, LensPanel, MAX_FRAME_SIDE_PX, ProfileError, Synthesize,
 };
 
 /// Most pixels of a picture that is received: memory of a client.
@@ -56,6 +56,19 @@ pub struct ViewsOutput {
     pub panel: LensPanel,
     /// Eye separations between the outermost views; `None` is the layout's default.
     pub view_span: Option<f64>,
+    /// The eyes of a tracked viewer, for layouts of two views; `None` stands for a viewer before the
+    /// middle of the screen.
+    pub tracked_eyes: Option<[f64; 2]>,
+}
+
+/// What views are made of: a picture and its disparity in full size, and the background layer where
+/// there is one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReceivedLayers {
+    /// The header before them.
+    pub header: FrameHeader,
+    front: DecodedLayer,
+    back: Option<DecodedLayer>,
 }
 
 /// Depth as received.
@@ -185,33 +198,35 @@ impl ReceivedFrame {
         self.pack(&encoder, curve)
     }
 
-    /// The frame of a display that takes views: made here of the picture and its disparity, and of the
-    /// back layer if there is one. `curve` is the display whose parallax they have.
+    /// What a display's views are made of. `layout` is named in the error.
     ///
     /// # Errors
-    /// As [`ReceivedFrame::compose`]; also when `output` has no views, or is an animation.
-    pub fn compose_views(&self, curve: &DisplayProfile, output: &ViewsOutput) -> Result<Frame, ComposeError> {
-        let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
-        self.pack(&encoder.with_panel(output.panel).with_view_span(output.view_span), curve)
-    }
-
-    fn pack(&self, encoder: &FrameEncoder, curve: &DisplayProfile) -> Result<Frame, ComposeError> {
-        let (layout, full_px) = (encoder.layout(), self.header.full_px.map(u32::from));
+    /// When the frame has no depth where the layout needs one.
+    pub fn layers(&self, curve: &DisplayProfile, layout: Layout) -> Result<ReceivedLayers, ComposeError> {
         let disparity = match &self.depth {
             ReceivedDepth::Disparity(disparity) => disparity.clone(),
             ReceivedDepth::Scaled16(scaled) => scaled.iter().map(|z| disparity_of(*z, curve)).collect(),
             ReceivedDepth::None if layout == Layout::Color => vec![0; self.color.len()],
             ReceivedDepth::None => return Err(ComposeError::NoDepth(layout)),
         };
-        let layers = if self.header.back_layer { 2 } else { 1 };
-        let each = self.color.len() / layers;
-        let mut enlarged = (0..layers).map(|layer| {
-            let part = layer * each..(layer + 1) * each;
-            (self.enlarged(&self.color[part.clone()]), self.enlarged(&disparity[part]))
-        });
-        let (front, back) = (enlarged.next().unwrap_or_default(), enlarged.next());
-        let back = back.as_ref().map(|(color, disparity)| DisparityLayer { color, disparity });
-        Ok(encoder.pack(full_px, DisparityLayer { color: &front.0, disparity: &front.1 }, back)?)
+        let count = if self.header.back_layer { 2 } else { 1 };
+        let each = self.color.len() / count;
+        let layer = |at: usize| {
+            let part = at * each..(at + 1) * each;
+            DecodedLayer {
+                color: self.enlarged(&self.color[part.clone()]),
+                disparity: self.enlarged(&disparity[part]),
+            }
+        };
+        Ok(ReceivedLayers { header: self.header, front: layer(0), back: (count > 1).then(|| layer(1)) })
+    }
+
+    fn pack(&self, encoder: &FrameEncoder, curve: &DisplayProfile) -> Result<Frame, ComposeError> {
+        let ReceivedLayers { header, front, back } = self.layers(curve, encoder.layout())?;
+        fn of(layer: &DecodedLayer) -> DisparityLayer<'_, 3> {
+            DisparityLayer { color: &layer.color, disparity: &layer.disparity }
+        }
+        Ok(encoder.pack(header.full_px.map(u32::from), of(&front), back.as_ref().map(of))?)
     }
 
     /// Rows of the size sent, as rows of the full size.
@@ -234,6 +249,29 @@ impl ReceivedFrame {
             }
         }
         out
+    }
+}
+
+impl ReceivedLayers {
+    /// The frame of a display that takes views: made by `maker` of the picture and its disparity, and
+    /// of the back layer if there is one. `curve` is the display whose parallax they have.
+    ///
+    /// # Errors
+    /// When `output` has no views or is an animation, the picture does not fit it, or the display's
+    /// header is invalid.
+    pub fn compose_views(
+        &self,
+        curve: &DisplayProfile,
+        output: &ViewsOutput,
+        maker: &dyn Synthesize,
+    ) -> Result<Frame, ComposeError> {
+        let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
+        let encoder = encoder.with_view_span(output.view_span).with_tracked_eyes(output.tracked_eyes);
+        let size_px = self.header.full_px.map(u32::from);
+        output.layout.check_size(size_px)?;
+        let parallax = encoder.parallax(size_px[0]);
+        let views = maker.views(size_px, &self.front, self.back.as_ref(), &parallax, &encoder.eyes())?;
+        Ok(output.layout.frame_of_views(&views, &output.panel)?)
     }
 }
 

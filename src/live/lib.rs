@@ -21,13 +21,13 @@ pub use describe::{layouts_script, protocol};
 pub use format::{ColorFormat, DepthFormat, LiveLayout};
 pub use frame::{
     ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,
-    ViewsOutput, assemble,
+    ReceivedLayers, ViewsOutput, assemble,
 };
 pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Eyes, Formats, Hello,
-    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, Peers, Pose,
-    PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
+    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, OutsideDepth,
+    Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
     SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 

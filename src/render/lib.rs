@@ -72,6 +72,7 @@ mod texture;
 mod uniform;
 mod upload;
 mod validation;
+mod view_synthesis;
 mod volume_plan;
 mod watch;
 
@@ -105,6 +106,7 @@ pub use skipping::EmptySpaceSkipping;
 pub use store::{MemoryUse, VolumeLimits};
 pub use surface::Surface;
 pub use table_rule::TableRule;
+pub use view_synthesis::{ViewSynthesizer, view_synthesizer};
 pub use watch::Progress;
 
 pub use gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, adapters};

@@ -15,7 +15,7 @@ use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
 use super::table_mark;
 use super::watch::{Progress, Watch};
-use crate::gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, adapters};
+use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, adapters, has_card};
 use relief_volume::{ContentHash, Volume};
 
 /// Renders requests. Lives on one thread; a volume is prepared on first use.
@@ -41,7 +41,6 @@ impl Renderer {
     /// # Errors
     /// When there is no such adapter, or it refuses the device or the shaders.
     pub fn open(choice: &AdapterChoice) -> Result<Self, RenderError> {
-        let has_card = || adapters().iter().any(|adapter| adapter.kind > AdapterKind::Software);
         match choice {
             AdapterChoice::Processor => Ok(Self::on_processor()),
             AdapterChoice::Best if !has_card() => Ok(Self::on_processor()),

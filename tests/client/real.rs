@@ -144,6 +144,7 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         // The client makes views itself, the server sends picture and disparity.
         ("stereo", &["--size", "400x300"]),
         ("lines", &["--size", "400x300", "--factor", "90"]),
+        ("lines", &["--size", "400x300", "--factor", "90", "--adapter", "software"]),
         ("lenses-9", &["--size", "400x300"]),
     ] {
         let arguments =
@@ -164,6 +165,8 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
     for (arguments, reason) in [
         (["--layout", "wowvx", "--layers", "2"], "are for layouts of views"),
         (["--layout", "stereo", "--panel", "none.json"], "--panel is for layouts lenses-N"),
+        (["--layout", "wowvx", "--adapter", "cpu"], "are for layouts of views"),
+        (["--layout", "stereo", "--adapter", "no-such-card"], "views cannot be made"),
         (["--layout", "stereo", "--view-span", "19"], "allowed: 0 to 18 eye separations"),
         (["--layout", "wiggle", "--view-span", "1"], "layout wiggle is an animation"),
     ] {

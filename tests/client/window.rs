@@ -7,6 +7,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use relief_display::{DecodedLayer, DisplayProfile, Parallax, ProfileName, synthesize};
+
 use crate::client::real::{Serving, phantom, pixels, relief, text};
 
 struct Xvfb {
@@ -130,6 +132,69 @@ fn the_screen_shows_the_served_frame_byte_for_byte() {
     assert!(count > 0 && count <= 36, "{count} pixels");
     an_old_picture_gives_way_to_text(&x, Duration::from_secs(5).saturating_sub(since.elapsed()));
     another_series_takes_its_place(&x, &serving.address, folder.path());
+}
+
+/// Invariant: Views of two eyes follow the tracked viewer, in the window and in the kiosk.
+///
+/// The expected picture is made of the server's picture and disparity for eyes whose place is worked
+/// out here: as far from the middle as the rays to a point just behind the screen say.
+#[test]
+fn views_in_the_window_follow_tracked_eyes() {
+    let Some(x) = Xvfb::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let serving = Serving::start(&phantom(folder.path()), "127.0.0.1:0");
+    let id = serving.ready();
+    let geometry = folder.path().join("display.json");
+    std::fs::write(&geometry, r#"{"rest_mm": [0, 0, 1200], "eye_separation_mm": 60}"#).unwrap();
+    let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let source = format!("opentrack:127.0.0.1:{port}");
+    let size = ["--layout", "lines", "--size", "400x300", "--preset", "bone", "--look", "30,10,1.2"];
+    let started = relief(&["client", "--server", &serving.url(), "--eyes", &source])
+        .args(["--display-geometry", geometry.to_str().unwrap()])
+        .args(size)
+        .env("DISPLAY", &x.display)
+        .env_remove("WAYLAND_DISPLAY")
+        .spawn();
+    let mut client = Client(started.unwrap());
+    let query =
+        "preset=bone&azimuth_deg=30&elevation_deg=10&zoom=1.2&frame=tissue&size_px=400,300&layout=rgbd";
+    let (_, _, rgbd) = pixels(&serving.get(&format!("/v1/volumes/{id}/frame?{query}")));
+    let mut layer = DecodedLayer { color: Vec::new(), disparity: Vec::new() };
+    for line in rgbd.as_chunks::<3>().0.chunks_exact(800) {
+        layer.color.extend(&line[..400]);
+        layer.disparity.extend(line[400..].iter().map(|gray| gray[0]));
+    }
+    let parallax = Parallax::new(&DisplayProfile::named(ProfileName::Philips42), 64, 128, 400);
+    let shown = |eyes: [f64; 2]| {
+        let views = synthesize([400, 300], &layer, None, &parallax, &eyes).unwrap();
+        let rows = |at: usize| &views.pictures()[(at / 400) % 2][at];
+        (0..400 * 300).flat_map(|at| *rows(at)).collect::<Vec<u8>>()
+    };
+    let corner = |screen: &[u8]| {
+        screen.chunks_exact(3 * 1920).take(300).flat_map(|row| &row[..3 * 400]).copied().collect::<Vec<u8>>()
+    };
+    until(&x, Duration::from_secs(60), |screen| corner(screen) == shown([-0.5, 0.5]));
+    // 200 mm to the right and 300 mm closer: x / 65 eye separations as seen from 1200 mm.
+    let (closer, right) = (1200.0 - 300.0, [200.0 - 30.0, 200.0 + 30.0]);
+    let expected = shown(right.map(|x_mm: f64| x_mm / 65.0 * (1200.0 / closer)));
+    assert!(expected != shown([-0.5, 0.5]), "the viewer's place makes a difference");
+    let tracker = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let datagram: Vec<u8> =
+        [20.0_f64, 0.0, -30.0, 0.0, 0.0, 0.0].iter().flat_map(|n| n.to_le_bytes()).collect();
+    let since = Instant::now();
+    while corner(&x.screen()) != expected {
+        tracker.send_to(&datagram, ("127.0.0.1", port)).unwrap();
+        assert!(client.0.try_wait().unwrap().is_none(), "the client ended");
+        assert!(since.elapsed() < Duration::from_secs(30), "the views do not follow");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    // The time is reported at the end.
+    let ended = Command::new("kill").args(["-TERM", &client.0.id().to_string()]).status().unwrap();
+    assert!(ended.success());
+    let mut errors = client.0.stderr.take().unwrap();
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut errors, &mut said).unwrap();
+    assert!(said.contains("views followed the eyes ") && said.contains(" ms after they came"), "{said}");
 }
 
 /// Soon afterwards a line of text takes its place: the picture may be of another patient by now.

@@ -31,6 +31,7 @@ mod refusals;
 mod skipping;
 mod slices;
 mod slices_peer;
+mod synthesis;
 mod twin;
 mod views;
 

@@ -235,12 +235,16 @@ pub(crate) struct ViewsArguments {
     /// [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub(crate) layers: Option<u8>,
+    /// What makes the views: best, cpu, software, or a part of a graphics adapter's name. `best` is a
+    /// graphics card, or else `cpu`; all give the same pixels [default: best]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
 }
 
 impl ViewsArguments {
     /// Whether one of them is set.
     pub(crate) fn is_given(&self) -> bool {
-        self.panel.is_some() || self.view_span.is_some() || self.layers.is_some()
+        self.panel.is_some() || self.view_span.is_some() || self.layers.is_some() || self.adapter.is_some()
     }
 }
 

@@ -33,7 +33,16 @@ impl EyesArguments {
     pub(crate) fn is_there(&self) -> bool {
         self.eyes.is_some()
     }
+
+    /// From where a viewer at rest sees the display, mm, where a file says so.
+    pub(crate) fn distance_mm(&self) -> anyhow::Result<Option<f64>> {
+        let Some(path) = &self.display_geometry else { return Ok(None) };
+        Ok(Some(geometry(Some(path))?.rest_mm[2]))
+    }
 }
+
+/// Takes eyes beside the session: a window, whose views follow them.
+pub(super) type OnEyes = Box<dyn Fn(Eyes) + Send>;
 
 /// The address of a source of OpenTrack.
 pub(super) fn source(text: &str) -> Result<SocketAddr, String> {
@@ -46,18 +55,20 @@ pub(super) fn source(text: &str) -> Result<SocketAddr, String> {
 }
 
 /// Starts listening, on a thread that ends with the session.
-pub(crate) fn start(arguments: &EyesArguments, handle: &Handle) -> anyhow::Result<()> {
+pub(super) fn start(arguments: &EyesArguments, handle: &Handle, on_eyes: OnEyes) -> anyhow::Result<()> {
     let Some(address) = arguments.eyes else { return Ok(()) };
     let geometry = geometry(arguments.display_geometry.as_deref())?;
     let socket =
         UdpSocket::bind(address).with_context(|| format!("cannot listen for a head tracker at {address}"))?;
     socket.set_read_timeout(Some(LOOK))?;
     let handle = handle.clone();
-    std::thread::Builder::new().name("eyes".to_owned()).spawn(move || relay(&socket, &geometry, &handle))?;
+    std::thread::Builder::new()
+        .name("eyes".to_owned())
+        .spawn(move || relay(&socket, &geometry, &handle, &on_eyes))?;
     Ok(())
 }
 
-fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle) {
+fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle, on_eyes: &OnEyes) {
     let mut datagram = [0; 2 * OPENTRACK_BYTES];
     let mut is_told = false;
     while !handle.is_stopped() {
@@ -74,6 +85,7 @@ fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle) {
         let [left, right] = geometry.eyes(&head).map(Into::into);
         let eyes = Eyes { t_ns: handle.now_ns(), left_mm: left, right_mm: right };
         if eyes.validate().is_ok() {
+            on_eyes(eyes);
             handle.eyes(eyes);
         }
     }

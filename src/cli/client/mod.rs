@@ -46,12 +46,10 @@ fn run_session(
     let handle = Handle::new();
     let recorder = Recorder::create(&arguments.recording, session)?;
     let remote = remote::start(&arguments.remote, &handle)?;
-    eyes::start(&arguments.eyes, &handle)?;
     pointer::start(&arguments.pointer, &handle)?;
     #[cfg(feature = "window")]
     if !arguments.headless.headless {
-        let look = arguments.look;
-        window::run(&arguments.window, session, &handle, remote, look, recorder, runtime)?;
+        window::run(arguments, session, &handle, remote, recorder, runtime)?;
         return Ok(ExitCode::SUCCESS);
     }
     #[cfg(not(feature = "window"))]
@@ -59,6 +57,7 @@ fn run_session(
         bail!("this program was built without its window (feature window); --headless works without one");
     }
     drop(remote);
+    eyes::start(&arguments.eyes, &handle, Box::new(|_| ()))?;
     let has_output = arguments.headless.save_frame.is_some() || arguments.recording.record.is_some();
     let has_input = arguments.remote.is_there() || arguments.eyes.is_there() || arguments.pointer.is_there();
     if !has_output && !has_input {

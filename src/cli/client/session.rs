@@ -1,6 +1,6 @@
 //! A session of `relief client` with its connection.
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 
 use crate::client::arguments::{ClientArguments, Part};
 use crate::panel::panel_for;
@@ -8,6 +8,7 @@ use crate::quilt;
 use relief_client::{Access, Composer, Options};
 use relief_display::{DisplaySettings, Layout, ProfileName, ProfileSetting, VIEW_SPANS};
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings, ViewsOutput};
+use relief_render::{AdapterChoice, view_synthesizer};
 
 /// The session that the arguments describe.
 pub(crate) struct Session {
@@ -62,7 +63,15 @@ impl Session {
         let profile = display.profile()?;
         #[cfg(feature = "window")]
         let frame_px = profile.frame_px();
-        let composer = Composer::new(profile, asked).with_views(output);
+        let mut composer = Composer::new(profile, asked);
+        if let Some(output) = output {
+            let choice = AdapterChoice::parse(arguments.views.adapter.as_deref().unwrap_or_default());
+            let maker = view_synthesizer(&choice).context("views cannot be made")?;
+            composer = composer.with_views(output, maker);
+        }
+        if let Some(distance_mm) = arguments.eyes.distance_mm()? {
+            composer = composer.with_distance_mm(distance_mm);
+        }
         let server = arguments.server.clone();
         let access = Access::new(&server, arguments.token.clone(), arguments.ca.as_deref())?;
         if arguments.token.is_some() && !server.is_encrypted() && !arguments.is_local() {
@@ -94,7 +103,9 @@ fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutpu
     }
     let Some(layout) = layout.filter(|layout| layout.view_count() > 0) else {
         if views.is_given() {
-            bail!("--panel, --view-span and --layers are for layouts of views, such as stereo or views-9");
+            bail!(
+                "--panel, --view-span, --layers and --adapter are for layouts of views, such as stereo or views-9"
+            );
         }
         return Ok(None);
     };
@@ -102,7 +113,8 @@ fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutpu
         bail!("layout wiggle is an animation of a still picture; relief render and relief preview write it");
     }
     let panel = views.panel.as_deref().map(|path| panel_for(layout, path)).transpose()?;
-    Ok(Some(ViewsOutput { layout, panel: panel.unwrap_or_default(), view_span: views.view_span }))
+    let panel = panel.unwrap_or_default();
+    Ok(Some(ViewsOutput { layout, panel, view_span: views.view_span, tracked_eyes: None }))
 }
 
 /// The layout in which the server sends what views are made of.

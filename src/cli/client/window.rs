@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use crate::client::arguments::WindowArguments;
+use crate::client::arguments::{self, ClientArguments};
+use crate::client::eyes;
 use crate::client::remote::Tracking;
 use crate::client::session::Session;
 use crate::client::watch::{LinkLog, Recorder};
@@ -15,20 +16,22 @@ use relief_render::{TextMask, text_mask};
 const TRACKING: Duration = Duration::from_millis(100);
 
 pub(crate) fn run(
-    arguments: &WindowArguments,
+    arguments: &ClientArguments,
     session: &Session,
     handle: &Handle,
     tracking: Tracking,
-    look: Option<OrbitPose>,
     recorder: Recorder,
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<()> {
     let window = Window::new()?;
+    let screen = window.screen();
+    eyes::start(&arguments.eyes, handle, Box::new(move |eyes| screen.follow(eyes)))?;
+    let arguments::WindowArguments { fullscreen, windowed, monitor, clean } = arguments.window;
     let (host, port) = session.options.server.target();
     let options = WindowOptions {
-        fullscreen: arguments.fullscreen && !arguments.windowed,
-        monitor: arguments.monitor,
-        clean: arguments.clean,
+        fullscreen: fullscreen && !windowed,
+        monitor,
+        clean,
         layout: session.layout,
         frame_px: session.frame_px,
         presents: session.options.hello.role == Role::Presenter,
@@ -45,7 +48,7 @@ pub(crate) fn run(
             handle: handle.clone(),
             recorder: std::sync::Arc::clone(&recorder),
             log: LinkLog::default(),
-            look: std::sync::Mutex::new(look),
+            look: std::sync::Mutex::new(arguments.look),
         };
         let options = session.options.clone();
         let signal = {
@@ -70,7 +73,14 @@ pub(crate) fn run(
             outcome
         })
     };
-    window.show(options, handle, session.composer.clone())?;
+    let followed = window.show(options, handle, session.composer.clone())?;
+    if let Some(mean) = followed.mean() {
+        let [mean, longest] = [mean, followed.longest].map(|time| 1e3 * time.as_secs_f64());
+        eprintln!(
+            "views followed the eyes {} times: shown {mean:.1} ms after they came, {longest:.1} ms at most",
+            followed.views
+        );
+    }
     let linked = runtime.block_on(running)?;
     recorder.finish()?;
     Ok(linked?)

@@ -7,25 +7,27 @@
 //! Marks of state are drawn only into the shown pixels; see [`Marks`]. Without a connection a line of
 //! text takes the picture's place within 5 s: an old picture may be of another patient.
 
+mod feed;
+mod follow;
 mod freshness;
 mod input;
 mod notice;
 mod screen;
 
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use winit::error::EventLoopError;
-use winit::event_loop::{EventLoop, EventLoopProxy};
+use winit::event_loop::EventLoop;
 
+pub use feed::Screen;
+pub use follow::Followed;
 pub use notice::{Lettering, LetteringFn};
 
 use super::compose::{Composed, Composer};
 use super::handle::Handle;
-use super::link::{Event, LinkState, Received};
+use super::link::LinkState;
 use super::marks::Marks;
 use relief_display::Layout;
-use relief_live::ServerMessage;
-use relief_tracking::TrackingState;
 
 /// How the window is.
 #[derive(Clone, Debug)]
@@ -77,31 +79,14 @@ pub enum WindowError {
 enum SessionEvent {
     /// A frame of this connection was composed.
     Frame(u64, Box<Composed>),
+    /// The newest frame was composed anew for eyes that came then.
+    Followed(Instant, Box<Composed>),
     /// Marks may have changed.
     Marks(Marks),
     /// The connection changed.
     Link(LinkState),
     /// The session is over.
     Stop,
-}
-
-/// Where a session puts its frames for a window.
-#[derive(Clone)]
-pub struct Screen {
-    shared: Arc<WindowState>,
-    wake: EventLoopProxy<SessionEvent>,
-}
-
-struct WindowState {
-    newest: Mutex<Newest>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct Newest {
-    frame: Option<Received>,
-    marks: Marks,
-    stopped: bool,
 }
 
 /// A window that is not open yet.
@@ -122,8 +107,7 @@ impl Window {
         }
         let events = EventLoop::with_user_event().build();
         let events = events.map_err(|error| WindowError::Open(reason(&error).into()))?;
-        let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
-        let screen = Screen { shared, wake: events.create_proxy() };
+        let screen = Screen::new(events.create_proxy());
         Ok(Self { events, screen })
     }
 
@@ -133,7 +117,8 @@ impl Window {
         self.screen.clone()
     }
 
-    /// Shows frames until the window is closed or the session ends. Call it on the main thread.
+    /// Shows frames until the window is closed or the session ends, and says how quickly views
+    /// followed a tracked viewer. Call it on the main thread.
     ///
     /// # Errors
     /// When the window cannot be opened, or is lost.
@@ -142,7 +127,7 @@ impl Window {
         options: WindowOptions,
         handle: &Handle,
         composer: Composer,
-    ) -> Result<(), WindowError> {
+    ) -> Result<Followed, WindowError> {
         let compose = {
             let (screen, handle) = (self.screen.clone(), handle.clone());
             move || screen.compose_all(&composer, &handle)
@@ -164,93 +149,5 @@ fn reason(error: &EventLoopError) -> String {
     match text.strip_prefix("os error at ").and_then(|place_and_reason| place_and_reason.split_once(": ")) {
         Some((_, reason)) => reason.to_owned(),
         None => text,
-    }
-}
-
-impl Screen {
-    fn newest(&self) -> MutexGuard<'_, Newest> {
-        self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Takes what happens in a session. Quick: frames are composed elsewhere.
-    pub fn take(&self, event: &Event) {
-        match event {
-            Event::Frame(received) => {
-                self.newest().frame = Some(received.clone());
-                self.shared.changed.notify_all();
-            }
-            Event::State(state) => {
-                let offline = !matches!(state, LinkState::Connected { .. } | LinkState::Heard);
-                self.mark(|marks| marks.offline = offline);
-                let _ = self.wake.send_event(SessionEvent::Link(state.clone())); // fails when the window is gone
-            }
-            Event::Message(message) => {
-                if let ServerMessage::Tracking(known) = message.as_ref() {
-                    self.tracking(Some(known.state));
-                }
-            }
-            Event::Sent(_) | Event::Unreadable(_) => {}
-        }
-    }
-
-    /// State of the Wiimote's tracking.
-    pub fn tracking(&self, state: Option<TrackingState>) {
-        self.mark(|marks| marks.tracking = state);
-    }
-
-    fn mark(&self, change: impl FnOnce(&mut Marks)) {
-        let mut newest = self.newest();
-        let before = newest.marks;
-        change(&mut newest.marks);
-        let after = newest.marks;
-        drop(newest);
-        if before != after {
-            let _ = self.wake.send_event(SessionEvent::Marks(after)); // fails when the window is gone
-        }
-    }
-
-    /// Ends the window: the session is over.
-    pub fn stop(&self) {
-        self.newest().stopped = true;
-        self.shared.changed.notify_all();
-        let _ = self.wake.send_event(SessionEvent::Stop); // fails when the window is gone
-    }
-
-    /// Composes the newest frame whenever there is one. Frames that were overtaken are acknowledged
-    /// with the next.
-    fn compose_all(&self, composer: &Composer, handle: &Handle) {
-        while let Some(received) = self.next_frame() {
-            match composer.compose(&received) {
-                Ok(composed) => {
-                    if let Some(problem) = &composed.header_problem {
-                        tracing::warn!(problem, "the header row is not what was asked for");
-                    }
-                    if self
-                        .wake
-                        .send_event(SessionEvent::Frame(received.connection, Box::new(composed)))
-                        .is_err()
-                    {
-                        return;
-                    }
-                }
-                Err(error) => {
-                    tracing::warn!(%error, "a frame is left out");
-                    handle.ack(received.connection, received.header.sequence);
-                }
-            }
-        }
-    }
-
-    fn next_frame(&self) -> Option<Received> {
-        let mut newest = self.newest();
-        loop {
-            if newest.stopped {
-                return None;
-            }
-            if let Some(frame) = newest.frame.take() {
-                return Some(frame);
-            }
-            newest = self.shared.changed.wait(newest).unwrap_or_else(PoisonError::into_inner);
-        }
     }
 }

@@ -12,6 +12,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, OwnedDisplayHandle};
 use winit::monitor::MonitorHandle;
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::follow::Followed;
 use super::freshness::Freshness;
 use super::input::{Input, Meaning};
 use super::{SessionEvent, WindowError, WindowOptions, notice};
@@ -36,6 +37,9 @@ pub(super) struct App {
     frame: Option<Frame>,
     /// The newest frame's connection and number, until it was shown.
     unshown: Option<(u64, u32)>,
+    /// When the eyes came that the frame was composed for, until it was shown.
+    following: Option<Instant>,
+    followed: Followed,
     warned: ShownWarnings,
     outcome: Result<(), WindowError>,
 }
@@ -60,13 +64,15 @@ impl App {
             layout,
             frame: None,
             unshown: None,
+            following: None,
+            followed: Followed::default(),
             warned: ShownWarnings::default(),
             outcome: Ok(()),
         }
     }
 
-    pub(super) fn outcome(self) -> Result<(), WindowError> {
-        self.outcome
+    pub(super) fn outcome(self) -> Result<Followed, WindowError> {
+        self.outcome.map(|()| self.followed)
     }
 
     fn open(&self, events: &ActiveEventLoop) -> Result<Pane, WindowError> {
@@ -159,6 +165,9 @@ impl App {
         if let Some((connection, sequence)) = self.unshown.take() {
             self.handle.ack(connection, sequence);
         }
+        if let Some(since) = self.following.take() {
+            self.followed.shown(since);
+        }
         Ok(())
     }
 
@@ -214,6 +223,10 @@ impl ApplicationHandler<SessionEvent> for App {
                 if let Some(frame_px) = self.frame.as_ref().map(Frame::size_px).filter(|_| is_resized) {
                     self.fit(frame_px);
                 }
+            }
+            SessionEvent::Followed(since, composed) => {
+                self.frame = Some(composed.frame);
+                self.following.get_or_insert(since);
             }
             SessionEvent::Marks(marks) => self.marks = marks,
             SessionEvent::Link(state) => match state {

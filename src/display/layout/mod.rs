@@ -46,6 +46,7 @@ pub struct FrameEncoder {
     header: Header,
     filter: DepthFilter,
     view_span: Option<f64>,
+    tracked: Option<[f64; 2]>,
     panel: LensPanel,
 }
 
@@ -228,6 +229,7 @@ impl FrameEncoder {
             header,
             filter: DepthFilter::None,
             view_span: None,
+            tracked: None,
             panel: LensPanel::default(),
         })
     }
@@ -245,6 +247,13 @@ impl FrameEncoder {
         Self { view_span, ..self }
     }
 
+    /// The same encoder for the eyes of a tracked viewer ([`tracked_eyes`](crate::tracked_eyes)).
+    /// Layouts of more than two views are seen from several places, and keep theirs.
+    #[must_use]
+    pub const fn with_tracked_eyes(self, tracked: Option<[f64; 2]>) -> Self {
+        Self { tracked, ..self }
+    }
+
     /// The same encoder for the lenses of this panel.
     #[must_use]
     pub const fn with_panel(self, panel: LensPanel) -> Self {
@@ -260,7 +269,10 @@ impl FrameEncoder {
     /// The eyes of the layout's views; none for other layouts.
     #[must_use]
     pub fn eyes(&self) -> Vec<f64> {
-        self.layout.eyes(self.view_span)
+        match self.tracked {
+            Some(pair) if self.layout.view_count() == 2 => pair.to_vec(),
+            _ => self.layout.eyes(self.view_span),
+        }
     }
 
     /// The parallax of pictures of this width.

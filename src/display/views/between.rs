@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::parallax::Parallax;
 use super::pictures::{Views, check_size};
-use super::warp::{LinePiece, Row, Shifts, Span, UNIT, cut, place, synthesize};
+use super::warp::{LinePiece, Row, Span, UNIT, cut, place, synthesize};
 use crate::layout::DecodedLayer;
 use crate::layout::error::LayoutError;
 
@@ -75,7 +75,7 @@ fn between(
     let shares = [(WHOLE - to_right).max(1), to_right.max(1)];
     let nearest = keys[usize::from(to_right * 2 > WHOLE)];
     let mut picture = one(size_px, nearest, parallax, eye)?;
-    let shifts = keys.map(|key| Shifts::new(parallax, eye - key.eye, width));
+    let shifts = keys.map(|key| parallax.shifts(eye - key.eye, size_px[0]));
     picture.par_chunks_exact_mut(width).enumerate().for_each_init(Scratch::default, |scratch, (y, out)| {
         let [left, right] = [0, 1].map(|side: usize| {
             let mut line = std::mem::take(&mut scratch.lines[side]);
@@ -123,7 +123,7 @@ struct Line {
 }
 
 impl Line {
-    fn draw(&mut self, row: &Row<'_>, shifts: &Shifts, scratch: &mut Scratch) {
+    fn draw(&mut self, row: &Row<'_>, shifts: &[i32; 256], scratch: &mut Scratch) {
         let width = row.color.len();
         place(row, shifts, &mut scratch.spans);
         cut(&scratch.spans, &mut scratch.active, width, &mut scratch.pieces);

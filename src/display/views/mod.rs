@@ -29,10 +29,25 @@ pub use compare::psnr_db;
 pub use grid::{MAX_VIEWS, ViewCount, ViewGrid};
 pub use panel::{LensPanel, PanelError, Subpixels};
 pub use parallax::{Parallax, TrueViews};
-pub use pictures::Views;
 pub(crate) use pictures::check_size;
+pub use pictures::{Views, check_layers};
 pub use quilt_name::QuiltName;
-pub use warp::synthesize;
+pub use warp::{ProcessorViews, Synthesize, synthesize};
+
+/// The places of the eyes of a tracked viewer, in eye separations: those from which a viewer at
+/// `distance_mm` sees the same. Points near the screen move against it in proportion to the way of
+/// the eye, and inversely to its distance.
+///
+/// Left and right eye are in the space of the screen, mm: x to the right, z towards the viewer and
+/// positive. Places farther than 16 eye separations from the middle are moved there.
+#[must_use]
+pub fn tracked_eyes(left_mm: [f64; 3], right_mm: [f64; 3], distance_mm: f64) -> [f64; 2] {
+    let seen = |[x, _, z]: [f64; 3]| x / parallax::EYE_SEPARATION_MM * (distance_mm / z);
+    [left_mm, right_mm].map(|eye| seen(eye).clamp(-FARTHEST_EYE, FARTHEST_EYE))
+}
+
+/// Farthest place of an eye that is followed, in eye separations.
+const FARTHEST_EYE: f64 = 16.0;
 
 /// The places of `count` eyes that are `span` eye separations apart from the first to the last,
 /// from left to right and even.

@@ -17,7 +17,7 @@ use crate::profile::{DisparityConstants, DisplayProfile};
 use relief_base::{DepthLimits, Disparity};
 
 /// Separation of a viewer's eyes, mm.
-const EYE_SEPARATION_MM: f64 = 65.0;
+pub(super) const EYE_SEPARATION_MM: f64 = 65.0;
 /// The factor that stands for 100 %.
 const USUAL_FACTOR: f64 = 64.0;
 
@@ -64,6 +64,21 @@ impl Parallax {
     #[must_use]
     pub fn shift_px(&self, d: Disparity, eye: f64) -> f64 {
         eye * self.separation_px * (d.0 - self.offset) / self.constants.m
+    }
+
+    /// The width of a pixel in [`Parallax::shifts`].
+    pub const UNIT: i32 = 4096;
+
+    /// How far each disparity moves to the right for an eye, 1/4096 pixel, in pictures of this width.
+    /// Even numbers, so that the middle between two is a whole one. Nothing moves by more than the
+    /// picture's width: it would be out of it.
+    #[must_use]
+    pub fn shifts(&self, eye: f64, width_px: u32) -> [i32; 256] {
+        let most = f64::from(width_px);
+        std::array::from_fn(|d| {
+            let shift = self.shift_px(Disparity(d as f64), eye).clamp(-most, most);
+            2 * (shift * f64::from(Self::UNIT / 2)).round() as i32
+        })
     }
 
     /// The cameras for a picture of `width_px`, half of which is `half_width` mm at 1 mm before the

@@ -1,6 +1,7 @@
 //! Views of one size, with a limit on their pixels.
 
 use crate::MAX_FRAME_SIDE_PX;
+use crate::layout::DecodedLayer;
 use crate::layout::error::LayoutError;
 
 /// Pixels that all views of a picture may have together.
@@ -38,6 +39,26 @@ impl Views {
     #[must_use]
     pub fn pictures(&self) -> &[Vec<[u8; 3]>] {
         &self.pictures
+    }
+}
+
+/// Rejects layers that do not fill the size, and too many or too large views, before any work.
+///
+/// # Errors
+/// When a layer does not fill the size, or there are no views or too many.
+pub fn check_layers(
+    size_px: [u32; 2],
+    front: &DecodedLayer,
+    back: Option<&DecodedLayer>,
+    count: usize,
+) -> Result<(), LayoutError> {
+    check_size(size_px, count)?;
+    let expected = size_px[0] as usize * size_px[1] as usize;
+    let counts = [Some(front), back].into_iter().flatten();
+    let counts = counts.flat_map(|layer| [layer.color.len(), layer.disparity.len()]);
+    match counts.into_iter().find(|found| *found != expected) {
+        Some(found) => Err(LayoutError::PixelCount { what: "a layer of a view", size_px, found, expected }),
+        None => Ok(()),
     }
 }
 

@@ -19,15 +19,48 @@
 use rayon::prelude::*;
 
 use super::parallax::Parallax;
-use super::pictures::{Views, check_size};
+use super::pictures::{Views, check_layers};
 use crate::layout::DecodedLayer;
 use crate::layout::error::LayoutError;
-use relief_base::Disparity;
 
 /// A pixel's width.
-pub(super) const UNIT: i32 = 4096;
+pub(super) const UNIT: i32 = Parallax::UNIT;
 /// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
 const SURFACE_STEP: u8 = 4;
+
+/// What makes views of a picture and its disparity: the processor, or a graphics card with the same
+/// bytes.
+pub trait Synthesize: std::fmt::Debug + Send + Sync {
+    /// As [`synthesize`].
+    ///
+    /// # Errors
+    /// As [`synthesize`].
+    fn views(
+        &self,
+        size_px: [u32; 2],
+        front: &DecodedLayer,
+        back: Option<&DecodedLayer>,
+        parallax: &Parallax,
+        eyes: &[f64],
+    ) -> Result<Views, LayoutError>;
+}
+
+/// Makes views on all threads of the processor.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ProcessorViews;
+
+impl Synthesize for ProcessorViews {
+    fn views(
+        &self,
+        size_px: [u32; 2],
+        front: &DecodedLayer,
+        back: Option<&DecodedLayer>,
+        parallax: &Parallax,
+        eyes: &[f64],
+    ) -> Result<Views, LayoutError> {
+        synthesize(size_px, front, back, parallax, eyes)
+    }
+}
 
 /// The views of a picture and its disparity for these eyes, from left to right. The background
 /// layer fills holes.
@@ -41,49 +74,24 @@ pub fn synthesize(
     parallax: &Parallax,
     eyes: &[f64],
 ) -> Result<Views, LayoutError> {
-    check_size(size_px, eyes.len())?;
-    let expected = size_px[0] as usize * size_px[1] as usize;
-    for layer in [Some(front), back].into_iter().flatten() {
-        if let Some(found) =
-            [layer.color.len(), layer.disparity.len()].into_iter().find(|found| *found != expected)
-        {
-            return Err(LayoutError::PixelCount { what: "a layer of a view", size_px, found, expected });
-        }
-    }
-    Views::new(
-        size_px,
-        eyes.iter().map(|&eye| view(size_px[0] as usize, front, back, parallax, eye)).collect(),
-    )
+    check_layers(size_px, front, back, eyes.len())?;
+    let width = size_px[0] as usize;
+    let shifts = eyes.iter().map(|&eye| parallax.shifts(eye, size_px[0]));
+    Views::new(size_px, shifts.map(|shifts| view(width, front, back, &shifts)).collect())
 }
 
 fn view(
     width: usize,
     front: &DecodedLayer,
     back: Option<&DecodedLayer>,
-    parallax: &Parallax,
-    eye: f64,
+    shifts: &[i32; 256],
 ) -> Vec<[u8; 3]> {
-    let shifts = Shifts::new(parallax, eye, width);
     let mut picture = vec![[0; 3]; front.color.len()];
     picture.par_chunks_exact_mut(width).enumerate().for_each_init(Scratch::default, |scratch, (y, out)| {
         let back = back.map(|back| Row::of(back, y, width));
-        scratch.draw(&shifts, &Row::of(front, y, width), back.as_ref(), out);
+        scratch.draw(shifts, &Row::of(front, y, width), back.as_ref(), out);
     });
     picture
-}
-
-/// How far each disparity moves. Even numbers, so that the middle between two is a whole one.
-pub(super) struct Shifts([i32; 256]);
-
-impl Shifts {
-    /// Nothing moves by more than the picture's width: it would be out of it.
-    pub(super) fn new(parallax: &Parallax, eye: f64, width: usize) -> Self {
-        let most = width as f64;
-        Self(std::array::from_fn(|d| {
-            let shift = parallax.shift_px(Disparity(d as f64), eye).clamp(-most, most);
-            2 * (shift * f64::from(UNIT / 2)).round() as i32
-        }))
-    }
 }
 
 /// One line of a layer.
@@ -147,7 +155,7 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn draw(&mut self, shifts: &Shifts, front: &Row<'_>, back: Option<&Row<'_>>, out: &mut [[u8; 3]]) {
+    fn draw(&mut self, shifts: &[i32; 256], front: &Row<'_>, back: Option<&Row<'_>>, out: &mut [[u8; 3]]) {
         let Self { spans, active, front: pieces, back: behind, sums } = self;
         place(front, shifts, spans);
         cut(spans, active, front.color.len(), pieces);
@@ -176,14 +184,15 @@ impl Scratch {
     }
 }
 
+/// The mean of a pixel. One with holes on both sides gives way to both, which can leave the range.
 fn rounded(sum: i32) -> u8 {
-    ((sum + UNIT) / (2 * UNIT)) as u8
+    ((sum + UNIT) / (2 * UNIT)).clamp(0, 255) as u8
 }
 
 /// The pixels of a line where the view has them, by their left ends.
-pub(super) fn place(row: &Row<'_>, shifts: &Shifts, spans: &mut Vec<Span>) {
+pub(super) fn place(row: &Row<'_>, shifts: &[i32; 256], spans: &mut Vec<Span>) {
     spans.clear();
-    let shift = |i: usize| shifts.0[usize::from(row.disparity[i])];
+    let shift = |i: usize| shifts[usize::from(row.disparity[i])];
     let joined = |i: usize, j: usize| {
         row.disparity[i].abs_diff(row.disparity[j]) <= SURFACE_STEP && (shift(i) - shift(j)).abs() < UNIT
     };

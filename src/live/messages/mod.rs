@@ -20,8 +20,8 @@ pub use eyes::Eyes;
 pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
 pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RawReport, RemotePose};
 pub use server::{
-    AnnotationsMessage, ErrorMessage, NextLabel, Peers, ServerMessage, SnappedPlace, StateMessage,
-    TrackingMessage, Welcome,
+    AnnotationsMessage, ErrorMessage, NextLabel, OutsideDepth, Peers, ServerMessage, SnappedPlace,
+    StateMessage, TrackingMessage, Welcome,
 };
 pub use settings::{Quality, Settings, SnapTarget, SnapTo};
 

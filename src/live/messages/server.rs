@@ -103,6 +103,21 @@ pub struct StateMessage {
     /// The position where snapping would place the landmark.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snapped: Option<SnappedPlace>,
+    /// Named points of the picture outside of the depth that the display shows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<OutsideDepth>,
+}
+
+/// Named points, such as landmarks, outside of the depth that a display shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutsideDepth {
+    /// How many there are.
+    pub count: usize,
+    /// The name of the one that is farthest outside.
+    pub label: String,
+    /// How far behind the depth it is, whole mm; negative in front of it.
+    pub behind_mm: f64,
 }
 
 /// Where something would be set down, patient mm.

@@ -73,6 +73,11 @@ pub fn adapters() -> Vec<AdapterDescription> {
     enumerate().iter().map(AdapterDescription::of).collect()
 }
 
+/// Whether there is a graphics card, and not a rasteriser on the processor alone.
+pub(crate) fn has_card() -> bool {
+    adapters().iter().any(|adapter| adapter.kind > AdapterKind::Software)
+}
+
 fn enumerate() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY))

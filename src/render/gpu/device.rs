@@ -135,6 +135,7 @@ impl ErrorScope {
 }
 
 /// A buffer on the device and the one that brings its content back.
+#[derive(Debug)]
 pub(crate) struct Readback {
     pub(crate) storage: wgpu::Buffer,
     staging: wgpu::Buffer,

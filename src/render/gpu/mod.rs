@@ -9,6 +9,7 @@ mod device;
 pub(crate) mod error;
 
 pub use crate::gpu::choice::AdapterChoice;
+pub(crate) use adapter::has_card;
 pub use adapter::{AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
 pub use device::{Gpu, GpuLimits};

@@ -8,7 +8,7 @@ use super::frame::Echo;
 use super::steady_limits::Activity;
 use crate::volumes::VolumeEntry;
 use relief_display::DisplaySettings;
-use relief_live::Quality;
+use relief_live::{Quality, StateMessage};
 use relief_render::RenderRequest;
 
 /// A frame that has been published.
@@ -30,7 +30,7 @@ pub(super) struct FrameJob {
     pub(super) activity: Activity,
     pub(super) arrived: Instant,
     pub(super) shows: Vec<(u64, Echo)>,
-    pub(super) state: Arc<str>,
+    pub(super) state: StateMessage,
     pub(super) quality: Quality,
     /// Share of width and height for which the presenters' connections have bandwidth, 0 to 1.
     pub(super) share: f64,

@@ -12,6 +12,7 @@ mod ghost;
 mod job;
 mod motion;
 mod open;
+mod outside;
 mod pace;
 mod presentation;
 mod preview;

@@ -12,13 +12,14 @@ use std::time::{Duration, Instant};
 use super::effect::DrawablesWanted;
 use super::frame::{Encodings, ViewFrame};
 use super::job::{FrameJob, NextStep};
+use super::outside::outside_depth;
 use super::presentation::shrunk;
 use super::view::View;
 use super::views::Views;
 use super::{LiveError, lock};
 use crate::engine::Engine;
 use crate::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
-use relief_live::Quality;
+use relief_live::{Quality, ServerMessage, StateMessage};
 use relief_render::RenderRequest;
 
 /// Delay before a full queue is tried again.
@@ -131,9 +132,11 @@ fn view_frame(
     waiting: Duration,
 ) -> Result<ViewFrame, LiveError> {
     let frame = Arc::clone(&rendered.frame);
+    let limits = lock(&view.limits).of(job.entry.hash, &job.display, &frame, job.activity)?;
+    let state = StateMessage { outside: outside_depth(&job.request, limits), ..job.state.clone() };
     Ok(ViewFrame {
         number: job.number,
-        limits: lock(&view.limits).of(job.entry.hash, &job.display, &frame, job.activity)?,
+        limits,
         frame,
         display: job.display.clone(),
         full_px: job.request.size_px,
@@ -144,7 +147,7 @@ fn view_frame(
         rendering,
         waiting,
         shows: job.shows.clone(),
-        state: Arc::clone(&job.state),
+        state: ServerMessage::State(state).to_text().into(),
         encodings: Encodings::default(),
     })
 }

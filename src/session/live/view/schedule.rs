@@ -9,7 +9,7 @@ use crate::live::job::{FrameJob, NextStep};
 use crate::live::motion::Delays;
 use crate::live::steady_limits::Activity;
 use crate::live::viewer::Viewer;
-use relief_live::{Role, ServerMessage, SnappedPlace, StateMessage};
+use relief_live::{Role, SnappedPlace, StateMessage};
 
 impl Inner {
     pub(super) fn next(&mut self, now: Instant, patience: Delays) -> NextStep {
@@ -52,8 +52,8 @@ impl Inner {
             at_mm: ghost.at.xyz.to_array(),
             shift_mm: (ghost.at - ghost.from).xyz.to_array(),
         });
-        let message =
-            StateMessage { state: self.record(), volume: self.presentation.entry.id.clone(), snapped };
+        let volume = self.presentation.entry.id.clone();
+        let state = StateMessage { state: self.record(), volume, snapped, outside: None };
         let mut shows = Vec::new();
         let mut share = None;
         for viewer in &self.viewers {
@@ -76,7 +76,7 @@ impl Inner {
             activity: Activity::of(is_still, self.state.is_placing()),
             arrived: self.motion.arrived,
             shows,
-            state: ServerMessage::State(message).to_text().into(),
+            state,
             quality: self.presentation.quality,
             share: share.unwrap_or(1.0),
             keeps_size: self.presentation.has_overlays(),

@@ -1,0 +1,200 @@
+//! The way of frames from a session to its window: the newest frame is composed on its own thread,
+//! for the newest eyes.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use winit::event_loop::EventLoopProxy;
+
+use super::SessionEvent;
+use crate::compose::{Composed, Composer, PictureError};
+use crate::handle::Handle;
+use crate::link::{Event, LinkState, Received};
+use crate::marks::Marks;
+use relief_live::{Eyes, ReceivedLayers, ServerMessage};
+use relief_tracking::TrackingState;
+
+/// Where a session puts its frames for a window.
+#[derive(Clone)]
+pub struct Screen {
+    shared: Arc<WindowState>,
+    wake: EventLoopProxy<SessionEvent>,
+}
+
+struct WindowState {
+    newest: Mutex<Newest>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Newest {
+    frame: Option<Received>,
+    eyes: Option<NewEyes>,
+    /// Whether a tracker of this machine reports the eyes: those of the server are its echo.
+    has_tracker: bool,
+    marks: Marks,
+    stopped: bool,
+}
+
+/// The eyes of the viewer, and when they came.
+#[derive(Clone, Copy)]
+struct NewEyes {
+    eyes: Eyes,
+    since: Instant,
+}
+
+/// What there is to compose: a frame, or the last one anew for other eyes.
+struct Work {
+    frame: Option<Received>,
+    eyes: Option<NewEyes>,
+}
+
+impl Screen {
+    pub(super) fn new(wake: EventLoopProxy<SessionEvent>) -> Self {
+        let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
+        Self { shared, wake }
+    }
+
+    fn newest(&self) -> MutexGuard<'_, Newest> {
+        self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes what happens in a session. Quick: frames are composed elsewhere.
+    pub fn take(&self, event: &Event) {
+        match event {
+            Event::Frame(received) => {
+                self.newest().frame = Some(received.clone());
+                self.shared.changed.notify_all();
+            }
+            Event::State(state) => {
+                let offline = !matches!(state, LinkState::Connected { .. } | LinkState::Heard);
+                self.mark(|marks| marks.offline = offline);
+                let _ = self.wake.send_event(SessionEvent::Link(state.clone())); // fails when the window is gone
+            }
+            Event::Message(message) => match message.as_ref() {
+                ServerMessage::Tracking(known) => self.tracking(Some(known.state)),
+                ServerMessage::Eyes(eyes) if !self.newest().has_tracker => self.put_eyes(*eyes),
+                _ => {}
+            },
+            Event::Sent(_) | Event::Unreadable(_) => {}
+        }
+    }
+
+    /// Shows the newest frame for these eyes, which a tracker of this machine reports: they are
+    /// followed without a way through the server.
+    pub fn follow(&self, eyes: Eyes) {
+        self.newest().has_tracker = true;
+        self.put_eyes(eyes);
+    }
+
+    fn put_eyes(&self, eyes: Eyes) {
+        let mut newest = self.newest();
+        // Eyes that were not shown yet give way, and the time from the first of them counts.
+        let since = newest.eyes.map_or_else(Instant::now, |waiting| waiting.since);
+        newest.eyes = Some(NewEyes { eyes, since });
+        drop(newest);
+        self.shared.changed.notify_all();
+    }
+
+    /// State of the Wiimote's tracking.
+    pub fn tracking(&self, state: Option<TrackingState>) {
+        self.mark(|marks| marks.tracking = state);
+    }
+
+    fn mark(&self, change: impl FnOnce(&mut Marks)) {
+        let mut newest = self.newest();
+        let before = newest.marks;
+        change(&mut newest.marks);
+        let after = newest.marks;
+        drop(newest);
+        if before != after {
+            let _ = self.wake.send_event(SessionEvent::Marks(after)); // fails when the window is gone
+        }
+    }
+
+    /// Ends the window: the session is over.
+    pub fn stop(&self) {
+        self.newest().stopped = true;
+        self.shared.changed.notify_all();
+        let _ = self.wake.send_event(SessionEvent::Stop); // fails when the window is gone
+    }
+
+    /// Composes the newest frame whenever there is one, and anew for other eyes. Frames that were
+    /// overtaken are acknowledged with the next.
+    pub(super) fn compose_all(&self, composer: &Composer, handle: &Handle) {
+        let mut composing = Composing { composer, layers: None, eyes: None };
+        while let Some(Work { frame, eyes }) = self.next_work() {
+            composing.eyes = eyes.map(|new| new.eyes).or(composing.eyes);
+            let event = match (frame, eyes) {
+                (Some(received), _) => composing.frame(&received, handle),
+                (None, Some(new)) => composing.follow(new.since),
+                (None, None) => None,
+            };
+            if event.is_some_and(|event| self.wake.send_event(event).is_err()) {
+                return; // the window is gone
+            }
+        }
+    }
+
+    fn next_work(&self) -> Option<Work> {
+        let mut newest = self.newest();
+        loop {
+            if newest.stopped {
+                return None;
+            }
+            let work = Work { frame: newest.frame.take(), eyes: newest.eyes.take() };
+            if work.frame.is_some() || work.eyes.is_some() {
+                return Some(work);
+            }
+            newest = self.shared.changed.wait(newest).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// Composes frames for the newest eyes.
+struct Composing<'a> {
+    composer: &'a Composer,
+    /// What the views of the newest frame are made of, where they follow eyes.
+    layers: Option<ReceivedLayers>,
+    eyes: Option<Eyes>,
+}
+
+impl Composing<'_> {
+    /// The frame; one that cannot be composed is acknowledged and left out.
+    fn frame(&mut self, received: &Received, handle: &Handle) -> Option<SessionEvent> {
+        match self.composed(received) {
+            Ok(composed) => {
+                if let Some(problem) = &composed.header_problem {
+                    tracing::warn!(problem, "the header row is not what was asked for");
+                }
+                Some(SessionEvent::Frame(received.connection, Box::new(composed)))
+            }
+            Err(error) => {
+                tracing::warn!(%error, "a frame is left out");
+                handle.ack(received.connection, received.header.sequence);
+                None
+            }
+        }
+    }
+
+    fn composed(&mut self, received: &Received) -> Result<Composed, PictureError> {
+        let Some(output) = self.composer.output().filter(|_| self.composer.follows_eyes()) else {
+            return self.composer.compose(received);
+        };
+        let layers = self.layers.insert(self.composer.layers(output, received)?);
+        self.composer.views(output, layers, self.eyes.as_ref())
+    }
+
+    /// The newest frame for other eyes, which came then; `None` before the first frame, and where
+    /// views do not follow eyes.
+    fn follow(&self, since: Instant) -> Option<SessionEvent> {
+        let views = self.composer.views(self.composer.output()?, self.layers.as_ref()?, self.eyes.as_ref());
+        match views {
+            Ok(composed) => Some(SessionEvent::Followed(since, Box::new(composed))),
+            Err(error) => {
+                tracing::warn!(%error, "views do not follow the eyes");
+                None
+            }
+        }
+    }
+}
