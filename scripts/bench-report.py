@@ -39,9 +39,13 @@ for scene in scenes:
         for name, vtk, bar in zip(("CPU", "GPU"), (cpu, gpu), bars):
             row(f"{scene}, {who}: time over VTK's {name} mapper", own["median_ms"] / (vtk["median_s"] * 1e3), bar,
                 f"{times(own)} to {vtk_times(vtk)}")
+    one, two = read(f"{scene}.one-thread.json"), read(f"{scene}.two-threads.json")
+    row(f"{scene}, processor: speed of two threads over one", one["min_ms"] / two["min_ms"], 1.9,
+        f"{times(one)} to {times(two)}", above=True)
     reached = error["error"] <= error["vtk_error"]
-    row(f"{scene}: the same at equal error", equal["median_ms"] / (cpu["median_s"] * 1e3) if reached else 99.0, 0.20,
-        f'{times(equal)} at {error["sample_distance_mm"]} mm, {error["error"]:.2f}/255 to {error["vtk_error"]:.2f}/255')
+    for who, own, bar in (("driver", equal, 0.20), ("processor", read(f"{scene}.equal-processor.json"), 0.10)):
+        row(f"{scene}, {who}: over VTK's CPU mapper at equal error", own["median_ms"] / (cpu["median_s"] * 1e3) if reached else 99.0, bar,
+            f'{times(own)} at {error["sample_distance_mm"]} mm, {error["error"]:.2f}/255 to {error["vtk_error"]:.2f}/255')
     row(f"{scene}: ms for another transfer function", bench["transfer_change_ms"], 50.0, "before the frame")
     row(f"{scene}: ms for another clip plane", bench["clip_change_ms"], 0.5, "before the frame")
 dense = read("dense.json")

@@ -230,6 +230,10 @@ unpack_series() { # NAME
 
 # Builds the release binary; prints its path.
 build_release() {
+    if [ -n "${RELIEF_PROGRAM:-}" ]; then
+        printf '%s\n' "$RELIEF_PROGRAM"
+        return
+    fi
     (cd "$RELIEF_ROOT" && cargo build --release --locked >&2) || die "relief does not build"
     printf '%s/release/relief\n' "$(target_folder)"
 }
