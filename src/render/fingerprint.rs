@@ -9,6 +9,7 @@
 //! their name, and options with whether they are present. So two different requests have different
 //! bytes.
 
+use super::detail::Detail;
 use super::illumination::{Illumination, Occlusion};
 use super::labels::{Labels, Look};
 use super::light::{Light, Placement};
@@ -88,6 +89,7 @@ impl FingerprintBytes {
             surfaces,
             shading,
             sample_distance_mm,
+            detail,
             slab_mm,
             letters,
             depth,
@@ -140,6 +142,10 @@ impl FingerprintBytes {
         self.side(*scatterings);
         self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
+        // Last, and only where it is not the usual one: names of other pictures stay.
+        if *detail == Detail::Coarse {
+            self.text("coarse");
+        }
     }
 
     fn camera(&mut self, camera: &Camera) {

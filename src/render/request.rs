@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use super::classification::Classification;
 pub(crate) use super::depth_rule::DepthRule;
+use super::detail::Detail;
 use super::illumination::Illumination;
 use super::labels::Labels;
 use super::light::Light;
@@ -116,6 +117,8 @@ pub struct RenderRequest {
     pub shading: Shading,
     /// Distance between samples along a ray, mm.
     pub sample_distance_mm: f64,
+    /// Which voxels rays are cast through.
+    pub detail: Detail,
     /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is a plane, and the
     /// only value for other modes.
     pub slab_mm: f64,

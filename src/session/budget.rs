@@ -11,7 +11,7 @@
 //! per pixel. The real number of samples depends on the transfer function, and is part of the
 //! measured speed. Times in ms.
 
-use relief_render::{Mode, Quality, RenderRequest};
+use relief_render::{Detail, Mode, Quality, RenderRequest};
 use relief_volume::{ContentHash, Grid};
 
 /// What live sessions give a picture of a view that moves, ms: with encoding beside it, 20 a
@@ -82,6 +82,7 @@ pub struct SpeedBook {
 struct Speed {
     volume: ContentHash,
     mode: Mode,
+    detail: Detail,
     ms_per_sample: f64,
 }
 
@@ -103,13 +104,14 @@ impl SpeedBook {
         if !(measured.is_finite() && measured > 0.0) {
             return;
         }
-        let known = self.speeds.iter().position(|speed| speed.is_of(volume, request.mode));
+        let known = self.speeds.iter().position(|speed| speed.is_of(volume, request));
         let before = known.map(|at| self.speeds.remove(at).ms_per_sample);
         if self.speeds.len() == MOST_SPEEDS {
             self.speeds.remove(0);
         }
         let ms_per_sample = before.map_or(measured, |before| smoothed(before, measured));
-        self.speeds.push(Speed { volume, mode: request.mode, ms_per_sample });
+        let RenderRequest { mode, detail, .. } = *request;
+        self.speeds.push(Speed { volume, mode, detail, ms_per_sample });
     }
 
     /// Forgets a volume.
@@ -120,7 +122,7 @@ impl SpeedBook {
     /// How long a request is expected to render, ms.
     #[must_use]
     pub fn expected_ms(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> f64 {
-        let known = self.speeds.iter().find(|speed| speed.is_of(volume, request.mode));
+        let known = self.speeds.iter().find(|speed| speed.is_of(volume, request));
         let ms_per_sample = known.map_or(UNMEASURED_MS, |speed| speed.ms_per_sample);
         work(grid, request, request.path_trace.passes) * ms_per_sample
     }
@@ -166,8 +168,8 @@ impl SpeedBook {
 }
 
 impl Speed {
-    fn is_of(&self, volume: ContentHash, mode: Mode) -> bool {
-        self.volume == volume && self.mode == mode
+    fn is_of(&self, volume: ContentHash, request: &RenderRequest) -> bool {
+        self.volume == volume && self.mode == request.mode && self.detail == request.detail
     }
 }
 

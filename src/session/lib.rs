@@ -9,6 +9,7 @@ mod backend;
 mod blocking;
 mod budget;
 mod cache;
+mod detail;
 mod drawn;
 mod encode;
 mod engine;
@@ -31,6 +32,7 @@ use relief_volume::{ContentHash, Volume};
 pub use backend::{FaultKind, GpuBackend, InjectedFault, OpenRenderer};
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
+pub use detail::moving_detail;
 pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
@@ -79,7 +81,7 @@ pub trait RenderBackend: Send + 'static {
         Ok(())
     }
 
-    /// Lets go of whatever is kept of this volume. A backend that keeps nothing between renders
+    /// Drops everything that is kept of this volume. A backend that keeps nothing between renders
     /// needs none.
     fn forget(&mut self, _volume: ContentHash) {}
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::renderer;
 use crate::common;
-use relief_render::{Overlays, RenderRequest, SceneFile};
+use relief_render::{Detail, Overlays, RenderRequest, Renderer, SceneFile};
 use relief_session::SpeedBook;
 use relief_volume::{Orbit, PhantomKind, Volume};
 
@@ -86,7 +86,7 @@ fn overlays_are_drawn_over_the_enlarged_picture_and_over_light_paths() {
     let overlays = Arc::new(Overlays { scale_bar: true, ..Overlays::default() });
     for json in [r#"{"transfer": "bone"}"#, r#"{"mode": "path-traced", "path_trace": {"passes": 1}}"#] {
         let plain = request(&volume, json);
-        let bar = |request: &RenderRequest, renderer: &mut relief_render::Renderer| {
+        let bar = |request: &RenderRequest, renderer: &mut Renderer| {
             let with = RenderRequest { overlays: Arc::clone(&overlays), ..request.clone() };
             let [without, with] = [request, &with].map(|request| renderer.render(&volume, request).unwrap());
             let pairs = without.color_rgba.iter().zip(&with.color_rgba);
@@ -106,4 +106,42 @@ fn more_rays_than_pixels_are_refused() {
     let request = RenderRequest { reduced_px: Some([193, 108]), ..request(&volume, "{}") };
     let message = renderer.render(&volume, &request).unwrap_err().to_string();
     assert!(message.contains("reduced_px is 193, allowed: 1 to 192"), "{message}");
+}
+
+/// Invariant: A coarse picture is the picture of the means of 2x2x2 voxels; on a graphics adapter it
+/// is that of all voxels.
+#[test]
+fn a_coarse_picture_is_that_of_the_means_of_voxels() {
+    let volume = common::volume(PhantomKind::Head, 96);
+    let whole = request(&volume, r#"{"transfer": "skin", "depth": {"rule": "first-hit"}}"#);
+    let coarse = RenderRequest { detail: Detail::Coarse, ..whole.clone() };
+    let mut processor = Renderer::on_processor();
+    let [full, quick] = [&whole, &coarse].map(|request| processor.render(&volume, request).unwrap());
+    // The means are made here without the renderer: a series that was read with --downsample 2.
+    let means = volume.downsampled(2);
+    let [x, y, z] = means.grid().spacing_mm();
+    let sample_distance_mm = x.min(y).min(z) / 2.0;
+    let sampled = RenderRequest { sample_distance_mm, ..whole.clone() };
+    let expected = processor.render(&means, &sampled).unwrap();
+    assert_eq!(quick.color_rgba, expected.color_rgba);
+    assert_eq!(quick.depth_mm, expected.depth_mm);
+    assert_eq!(quick.limits, full.limits, "the box of all voxels");
+    // It shows the same: surfaces are off by less than a voxel.
+    let mut off: Vec<f32> = full
+        .depth_mm
+        .iter()
+        .zip(&quick.depth_mm)
+        .filter(|(a, b)| a.is_finite() && b.is_finite())
+        .map(|(a, b)| (a - b).abs())
+        .collect();
+    off.sort_by(f32::total_cmp);
+    assert!(off.len() > 1000 && f64::from(off[off.len() / 2]) < x / 2.0, "{} mm", off[off.len() / 2]);
+    // With the volume its means are forgotten.
+    processor.forget(means.content_hash());
+    assert!(processor.memory().used_bytes > 0);
+    processor.forget(volume.content_hash());
+    assert_eq!(processor.memory().used_bytes, 0);
+    let Some(mut adapter) = renderer("a_coarse_picture_on_a_graphics_adapter") else { return };
+    let [all, same] = [&whole, &coarse].map(|request| adapter.render(&volume, request).unwrap());
+    assert_eq!(all.color_rgba, same.color_rgba);
 }

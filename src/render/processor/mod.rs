@@ -55,9 +55,12 @@ mod tests;
 use relief_lanes::Level;
 
 use super::bands::Bands;
+use super::detail::Detail;
 use super::error::RenderError;
 use super::frame::RenderedFrame;
+use super::limits::depth_limits;
 use super::mode::Mode;
+use super::quality::Quality;
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
@@ -105,6 +108,27 @@ impl Processor {
 
     /// Casts a picture, without overlays.
     pub(super) fn cast(
+        &mut self,
+        volume: &Volume,
+        request: &RenderRequest,
+        skipping: EmptySpaceSkipping,
+        limits: &VolumeLimits,
+        watch: &mut Watch<'_>,
+    ) -> Result<RenderedFrame, RenderError> {
+        if request.detail == Detail::Coarse && request.labels.is_none() {
+            let coarse = self.cache.coarse(volume);
+            let usual_mm = Quality::Moving.sample_distance_mm(request, coarse.grid());
+            let sample_distance_mm = request.sample_distance_mm.max(usual_mm);
+            let request = RenderRequest { sample_distance_mm, ..request.clone() };
+            let frame = self.cast_all(&coarse, &request, skipping, limits, watch)?;
+            // Those of all voxels, which a picture at rest has.
+            return Ok(RenderedFrame { limits: depth_limits(&request.camera, volume.grid()), ..frame });
+        }
+        self.cast_all(volume, request, skipping, limits, watch)
+    }
+
+    /// Casts a picture through all voxels of a volume.
+    fn cast_all(
         &mut self,
         volume: &Volume,
         request: &RenderRequest,

@@ -15,6 +15,8 @@ use relief_volume::{BrickLabels, ContentHash, DistanceMap, LabelMap, Volume};
 
 /// Most volumes, and most appearances, in the cache.
 const KEPT: usize = 16;
+/// Most coarse forms of volumes.
+const KEPT_COARSE: usize = 8;
 /// Most label maps.
 const KEPT_LABELS: usize = 4;
 /// Most fillings of cells with light.
@@ -60,6 +62,8 @@ pub(super) struct Cache {
     labels: Vec<Segmented>,
     appearances: Vec<Prepared>,
     fillings: Vec<Filling>,
+    /// Coarse forms of volumes, which moving pictures show.
+    coarse: Vec<(ContentHash, Volume)>,
     /// Volumes that were prepared since the start.
     made: u64,
 }
@@ -114,6 +118,19 @@ impl Cache {
         (self.appearances.last().expect("just made"), true)
     }
 
+    /// The coarse form of a volume.
+    pub(super) fn coarse(&mut self, volume: &Volume) -> Volume {
+        let hash = volume.content_hash();
+        match self.coarse.iter().position(|(known, _)| *known == hash) {
+            Some(at) => self.coarse[at..].rotate_left(1),
+            None => {
+                make_room(&mut self.coarse, KEPT_COARSE);
+                self.coarse.push((hash, volume.coarse()));
+            }
+        }
+        self.coarse.last().expect("made or found").1.clone()
+    }
+
     fn segments(&mut self, volume: ContentHash, map: &LabelMap, plan: &VolumePlan) -> Arc<BrickLabels> {
         let hash = map.content_hash();
         let at = self.labels.iter().position(|known| known.volume == volume && known.map == hash);
@@ -158,7 +175,9 @@ impl Cache {
         let looks = |known: &Prepared| (known.looks.bytes() + known.map.distances.len()) as u64;
         let appearances: u64 = self.appearances.iter().map(looks).sum();
         let light: u64 = self.fillings.iter().map(|filling| filling.cells.bytes()).sum();
-        let used_bytes = volumes + appearances + light;
+        let coarse = |volume: &Volume| size_of_val(volume.voxels_hu()) as u64;
+        let coarse: u64 = self.coarse.iter().map(|(_, volume)| coarse(volume)).sum();
+        let used_bytes = volumes + appearances + light + coarse;
         MemoryUse { volumes: self.volumes.len(), used_bytes, uploads: self.made, ..MemoryUse::default() }
     }
 
@@ -168,6 +187,8 @@ impl Cache {
         self.labels.retain(|known| known.volume != volume);
         self.appearances.retain(|known| known.key.volume != volume);
         self.fillings.retain(|known| known.key.volume != volume);
+        let coarse: Vec<_> = self.coarse.extract_if(.., |(known, _)| *known == volume).collect();
+        coarse.into_iter().for_each(|(_, coarse)| self.forget(coarse.content_hash()));
     }
 
     /// Drops everything.

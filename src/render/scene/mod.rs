@@ -30,6 +30,7 @@ use self::surfaces::{SurfaceFile, resolve_surfaces};
 use self::transfer::{TransferFile, Windows, resolve_transfer};
 use self::whole::Whole;
 use super::classification::Classification;
+use super::detail::Detail;
 use super::framing::{FramingRule, framing};
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
@@ -438,6 +439,7 @@ impl SceneFile {
             illumination: self.shading.as_ref().map_or_else(Illumination::default, ShadingFile::illumination),
             shading: self.shading.unwrap_or_default().resolve(default_shading(preset)),
             sample_distance_mm: 1.0,
+            detail: Detail::Full,
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,

@@ -14,11 +14,12 @@ use super::frame::{Encodings, ViewFrame};
 use super::job::{FrameJob, NextStep};
 use super::outside::outside_depth;
 use super::presentation::shrunk;
+use super::steady_limits::Activity;
 use super::view::View;
 use super::views::Views;
 use super::{LiveError, lock};
 use crate::engine::Engine;
-use crate::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError};
+use crate::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError, moving_detail};
 use relief_live::{Quality, ServerMessage, StateMessage};
 use relief_render::RenderRequest;
 
@@ -186,6 +187,10 @@ fn moving(engine: &Engine, job: &FrameJob) -> RenderRequest {
     let mut request = job.request.clone();
     // Shadows of lights that move with the eye would be computed again for every frame.
     request.illumination.shadows = 0.0;
+    // A landmark is set down where the picture shows it: all voxels count then.
+    if job.activity == Activity::Moving {
+        request.detail = moving_detail(&request, &job.entry.grid);
+    }
     let budget_ms = match job.quality {
         Quality::Auto => INTERACTIVE_MS,
         Quality::Budget { budget_ms } => budget_ms,
