@@ -89,7 +89,7 @@ fn read_row(reading: &mut Reading<'_>, row: &Row<'_>, system: [&str; 3]) -> Resu
 /// Writes points, LPS.
 ///
 /// # Errors
-/// None but those of memory: it is written there.
+/// Only a lack of memory: the table is written there.
 pub(super) fn write(format: Format, items: &[&Item]) -> Result<Vec<u8>, ExchangeError> {
     let delimiter = if format == Format::Tsv { b'\t' } else { b',' };
     let mut writer = csv::WriterBuilder::new().delimiter(delimiter).from_writer(Vec::new());

@@ -211,7 +211,7 @@ impl Query {
         number(name, &text)
     }
 
-    /// Refuses whatever is left.
+    /// Refuses keys that nothing has read.
     pub(super) fn expect_empty(&self) -> Result<(), Problem> {
         self.0.first().map_or(Ok(()), |(name, _)| Err(unknown(name, "none here")))
     }

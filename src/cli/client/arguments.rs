@@ -77,11 +77,11 @@ pub(crate) struct ClientArguments {
     /// Author of placed annotations
     #[arg(long, value_name = "NAME", env = "RELIEF_AUTHOR")]
     pub(crate) author: Option<String>,
-    /// Wait for a server or a volume that is not there yet: so it is without --save-frame, --measure
-    /// and --replay
+    /// Wait for a server or a volume that is not there yet; the default without --save-frame,
+    /// --measure and --replay
     #[arg(long, conflicts_with = "no_wait")]
     wait: bool,
-    /// End where the server or the volume is not there yet: so it is with --save-frame, --measure
+    /// End when the server or the volume is not there yet; the default with --save-frame, --measure
     /// and --replay
     #[arg(long)]
     no_wait: bool,
@@ -263,7 +263,7 @@ pub(crate) struct WindowArguments {
     /// All of the monitor, without borders
     #[arg(long, conflicts_with_all = ["windowed", "headless"])]
     pub(crate) fullscreen: bool,
-    /// A window of the frame's size; so it is without --fullscreen
+    /// A window of the frame's size; the default without --fullscreen
     #[arg(long, conflicts_with = "headless")]
     pub(crate) windowed: bool,
     /// Which monitor, from 0, from left to right

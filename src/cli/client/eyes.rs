@@ -70,14 +70,14 @@ pub(super) fn start(arguments: &EyesArguments, handle: &Handle, on_eyes: OnEyes)
 
 fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle, on_eyes: &OnEyes) {
     let mut datagram = [0; 2 * OPENTRACK_BYTES];
-    let mut is_told = false;
+    let mut is_reported = false;
     while !handle.is_stopped() {
         let Ok((bytes, _)) = socket.recv_from(&mut datagram) else { continue };
         let head = match HeadPose::from_opentrack(&datagram[..bytes]) {
             Ok(head) => head,
             Err(error) => {
-                if !std::mem::replace(&mut is_told, true) {
-                    eprintln!("{error}; it is left out, as all like it");
+                if !std::mem::replace(&mut is_reported, true) {
+                    eprintln!("{error}; it is ignored, and later ones without a message");
                 }
                 continue;
             }

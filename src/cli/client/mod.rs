@@ -135,7 +135,7 @@ fn report_saved(
 
 pub(super) fn save_frame(path: &std::path::Path, composed: &relief_client::Composed) -> anyhow::Result<()> {
     if let Some(problem) = &composed.header_problem {
-        bail!("the frame's header row is not what was asked for: {problem}");
+        bail!("the frame's header row differs from the requested one: {problem}");
     }
     write_whole(path, &encode_png(&composed.frame)?)
 }

@@ -165,7 +165,7 @@ impl Composing<'_> {
         match self.composed(received) {
             Ok(composed) => {
                 if let Some(problem) = &composed.header_problem {
-                    tracing::warn!(problem, "the header row is not what was asked for");
+                    tracing::warn!(problem, "the header row differs from the requested one");
                 }
                 Some(SessionEvent::Frame(received.connection, Box::new(composed)))
             }

@@ -8,7 +8,7 @@ use relief_volume::{Grid, LabelMap, Segment};
 /// The bytes of a `.seg.nrrd` file.
 ///
 /// # Errors
-/// None but those of memory: it is written there.
+/// Only a lack of memory: the file is written there.
 pub fn write_seg_nrrd(map: &LabelMap) -> std::io::Result<Vec<u8>> {
     write_seg_nrrd_layers(std::slice::from_ref(map))
 }

@@ -73,7 +73,7 @@ export function outsideWords(what, point, { limits: [near, far], eye, lookAt }) 
   return `${what} is ${Math.abs(depth - (depth < near ? near : far)).toFixed(0)} mm ${depth < near ? "in front of" : "behind"} the depth that the display shows.`;
 }
 
-/** What is to be said of landmarks outside of the depth (`outside` of the state); empty if there are none. */
+/** The warning about landmarks outside of the depth (`outside` of the state); empty if there are none. */
 export function landmarksOutsideWords(outside) {
   if (!outside) return "";
   const count = outside.count - 1;

@@ -32,7 +32,7 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 let tracking = "";
 let remote = "";
-/** What is to be said of the SpaceMouse. */
+/** The message about the SpaceMouse. */
 let cap = "";
 /** Where the viewer's eyes are, and the time from there to the picture, ms. */
 let viewer = null;
