@@ -14,8 +14,7 @@ use crate::scene::SceneArguments;
 use crate::series::SeriesArguments;
 use crate::source::SeriesOptions;
 use relief_render::{
-    Clip, ClipPlane, EmptySpaceSkipping, FramingRule, RenderError, RenderRequest, RenderedFrame, Renderer,
-    Subject,
+    Clip, ClipPlane, EmptySpaceSkipping, RenderError, RenderRequest, RenderedFrame, Renderer, Subject,
 };
 use relief_study::process_mib;
 use relief_volume::{TransferFunction, Volume};
@@ -119,9 +118,7 @@ pub(super) fn run(arguments: BenchArguments) -> anyhow::Result<ExitCode> {
     })?;
     let load_ms = milliseconds(start) - open_ms;
     let labels = series.load_labels(loaded.volume.grid())?;
-    let scene = scene_file
-        .with_usual_frame(FramingRule::Volume)
-        .resolve_for(&Subject::of(&loaded.volume, labels.as_ref()), &scene.orbit())?;
+    let scene = scene_file.resolve_for(&Subject::of(&loaded.volume, labels.as_ref()), &scene.orbit())?;
     scene.expect_no_annotations()?;
     let turntable = Turntable { frames, step: orbit_deg.to_radians() };
     let skipping = if no_skipping { EmptySpaceSkipping::Off } else { EmptySpaceSkipping::On };

@@ -365,15 +365,6 @@ impl SceneFile {
         Self { frame: Some(frame), ..self }
     }
 
-    /// Fits a camera to this where the file does not say to what.
-    #[must_use]
-    pub fn with_usual_frame(self, frame: FramingRule) -> Self {
-        if self.camera.is_some() || self.is_slice() {
-            return self;
-        }
-        Self { frame: self.frame.or(Some(frame)), ..self }
-    }
-
     /// The complete scene for a volume on `grid`: as [`SceneFile::resolve_for`], with the camera
     /// fitted to the bounding sphere and without a label map.
     ///
