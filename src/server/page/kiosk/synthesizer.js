@@ -36,6 +36,8 @@ class InWorker {
   #number = 0;
   /** What waits for the answer to a message, by its number. */
   #waiting = new Map();
+  /** Why the worker answers nothing more. */
+  #failed = null;
 
   constructor() {
     this.#worker = new Worker("/synthesis-worker.js", { type: "module" });
@@ -47,12 +49,14 @@ class InWorker {
     });
     // A worker that cannot start, or that ends, answers nothing more.
     this.#worker.addEventListener("error", ({ message }) => {
-      for (const { reject } of this.#waiting.values()) reject(new Error(message || "the worker of the view synthesis ended"));
+      this.#failed = new Error(message || "the worker of the view synthesis ended");
+      for (const { reject } of this.#waiting.values()) reject(this.#failed);
       this.#waiting.clear();
     });
   }
 
   #call(call, values) {
+    if (this.#failed) return Promise.reject(this.#failed);
     this.#number += 1;
     const answer = new Promise((resolve, reject) => this.#waiting.set(this.#number, { resolve, reject }));
     this.#worker.postMessage({ number: this.#number, call, values });

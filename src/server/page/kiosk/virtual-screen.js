@@ -117,6 +117,16 @@ class Renderer {
 export async function immerse({ panel, width, distance, follow, ended }) {
   const session = await navigator.xr.requestSession("immersive-vr");
   session.addEventListener("end", ended);
+  try {
+    await begin(session, { panel, width, distance, follow });
+  } catch (error) {
+    session.end();
+    throw error;
+  }
+  return () => session.end();
+}
+
+async function begin(session, { panel, width, distance, follow }) {
   const renderer = new Renderer(document.createElement("canvas"));
   const layer = new XRWebGLLayer(session, renderer.context);
   await session.updateRenderState({ baseLayer: layer });
@@ -140,5 +150,4 @@ export async function immerse({ panel, width, distance, follow, ended }) {
     }
   };
   session.requestAnimationFrame(step);
-  return () => session.end();
 }
