@@ -114,6 +114,7 @@ impl Composer {
     }
 
     /// The views that it makes; `None` where the display takes the frames themselves.
+    #[cfg(feature = "window")]
     pub(crate) const fn output(&self) -> Option<&ViewsOutput> {
         self.views.as_ref()
     }

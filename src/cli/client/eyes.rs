@@ -77,7 +77,7 @@ fn relay(socket: &UdpSocket, geometry: &DisplayGeometry, handle: &Handle, on_eye
             Ok(head) => head,
             Err(error) => {
                 if !std::mem::replace(&mut is_reported, true) {
-                    eprintln!("{error}; it is ignored, and later ones without a message");
+                    eprintln!("{error}; it is ignored, and later invalid ones are ignored without a message");
                 }
                 continue;
             }

@@ -80,8 +80,8 @@ impl Screen {
         }
     }
 
-    /// Shows the newest frame for these eyes, which a tracker of this machine reports: they are
-    /// followed without a way through the server.
+    /// Shows the newest frame for these eyes, which a tracker of this machine reports. They do not
+    /// pass through the server.
     pub fn follow(&self, eyes: Eyes) {
         self.newest().has_tracker = true;
         self.put_eyes(eyes);

@@ -77,7 +77,7 @@ impl Tool {
     /// Prints the first invalid message; later ones are left out silently.
     pub(super) fn report(&mut self, error: &dyn std::error::Error) {
         if !std::mem::replace(&mut self.has_reported, true) {
-            eprintln!("{error}; it is ignored, and later ones without a message");
+            eprintln!("{error}; it is ignored, and later invalid ones are ignored without a message");
         }
     }
 
