@@ -24,6 +24,7 @@ PRESETS = {
 ONE_DEGREE = 1900 * numpy.tan(numpy.radians(1)) / 65
 #: Name, layout, distance of the outermost views in eye separations, picture.
 CONDITIONS = [
+    ("a pair of eyes", "views-2x1", 1.0, "960x540"),
     ("nine views, ±17°", "views-9", 17.9, "960x540"),
     ("eye moved by 1°", "views-2x1", 2 * ONE_DEGREE, "960x540"),
     ("eye moved by 2°", "views-2x1", 4 * ONE_DEGREE, "960x540"),
@@ -32,7 +33,7 @@ CONDITIONS = [
 ]
 METHODS = {
     "one layer": [], "clear-edge": ["--depth-filter", "clear-edge"], "two layers": ["--depth-rule", "two-layer"],
-    "interpolated": ["--views", "interpolated"],
+    "interpolated": ["--views", "interpolated"], "refined": ["--views", "refined"],
 }
 
 

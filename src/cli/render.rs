@@ -77,7 +77,7 @@ pub(super) struct RenderArguments {
     /// Which views a layout of views has
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
     views: views::ViewChoice,
-    /// How many views are rendered with --views interpolated: a fifth of them where left out
+    /// How many views are rendered with --views interpolated or refined: a fifth of them where left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     key_views: Option<u16>,
     /// Print the result as one JSON object

@@ -1,6 +1,7 @@
 //! `relief render --views`: views rendered by cameras side by side, beside those that a display
 //! makes of one picture.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -10,7 +11,8 @@ use relief_base::DepthLimits;
 use relief_display::{
     FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, interpolate, psnr_db,
 };
-use relief_render::{Mode, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_render::{Mode, Refinement, RenderRequest, RenderedFrame, Renderer, Scene};
+use relief_session::{eye_cameras, true_views};
 use relief_volume::{Camera, Volume};
 
 /// Which views are written.
@@ -23,6 +25,9 @@ pub(super) enum ViewChoice {
     True,
     /// Every few views rendered, those between made of their two neighbours: nearly true, and faster
     Interpolated,
+    /// As interpolated, or made of one picture where there are two views; then a tenth of each view is
+    /// rendered, where that changes it most
+    Refined,
     /// The rendered ones above the synthesised ones, with the signal-to-noise ratio of each
     Both,
 }
@@ -38,8 +43,8 @@ pub(super) struct ViewFile {
 
 /// Refuses layouts without true views before rendering.
 pub(super) fn check(choice: ViewChoice, keys: Option<u16>, scene: &Scene) -> anyhow::Result<()> {
-    if keys.is_some() && choice != ViewChoice::Interpolated {
-        bail!("--key-views is for --views interpolated");
+    if keys.is_some() && !matches!(choice, ViewChoice::Interpolated | ViewChoice::Refined) {
+        bail!("--key-views is for --views interpolated and refined");
     }
     let (layout, mode) = (scene.display.layout, scene.request.mode);
     if choice == ViewChoice::Synthesised {
@@ -70,39 +75,71 @@ fn key_numbers(count: usize, keys: Option<usize>) -> Vec<usize> {
     (0..keys).map(|key| (2 * key * (count - 1) + steps) / (2 * steps)).collect()
 }
 
-/// Views of which only some are rendered.
+/// Views of which only some are rendered, and parts of the others where they are `refined`.
 fn interpolated(
     scene: &Scene,
     middle: &RenderedFrame,
     limits: DepthLimits,
-    cameras: Vec<Camera>,
-    keys: Option<usize>,
-    mut render: impl FnMut(Camera) -> anyhow::Result<RenderedFrame>,
+    cameras: &[Camera],
+    (refined, keys): (bool, Option<usize>),
+    mut render: impl FnMut(&RenderRequest) -> anyhow::Result<RenderedFrame>,
 ) -> anyhow::Result<ViewFile> {
     let encoder = scene.display.encoder()?;
     let eyes = encoder.eyes();
-    let numbers = key_numbers(eyes.len(), keys);
-    let mut cameras: Vec<Option<Camera>> = cameras.into_iter().map(Some).collect();
-    let (since, mut rendered) = (Instant::now(), Vec::new());
-    for &number in &numbers {
-        let Some(camera) = cameras[number].take() else { continue };
-        let other; // the picture in the middle is there already
-        let seen = if eyes[number] == 0.0 {
-            middle
-        } else {
-            other = render(camera)?;
-            &other
-        };
+    // Both eyes of a pair are near to the picture in the middle.
+    let from_middle = refined && keys.is_none() && eyes.len() <= 2;
+    let numbers = if from_middle { Vec::new() } else { key_numbers(eyes.len(), keys) };
+    let seen_by = |camera: Camera| RenderRequest { camera, ..scene.request.clone() };
+    let since = Instant::now();
+    let key_of = |eye: f64, seen: &RenderedFrame| {
         let picture = Picture::new(seen.size_px, &seen.color_rgba, &seen.depth_mm)?;
-        rendered.push(encoder.key_view(eyes[number], &picture, limits));
+        Ok::<_, anyhow::Error>(encoder.key_view(eye, &picture, limits))
+    };
+    let mut keys = Vec::new();
+    if from_middle {
+        keys.push(key_of(0.0, middle)?);
+    }
+    for &number in &numbers {
+        keys.push(match eyes[number] {
+            0.0 => key_of(0.0, middle)?, // rendered already
+            eye => key_of(eye, &render(&seen_by(cameras[number]))?)?,
+        });
     }
     let size_px = scene.request.size_px;
-    let views = interpolate(size_px, &rendered, &encoder.parallax(size_px[0]), &eyes)?;
+    let mut views = interpolate(size_px, &keys, &encoder.parallax(size_px[0]), &eyes)?;
+    if refined {
+        let mut pictures = views.pictures().to_vec();
+        for (number, view) in pictures.iter_mut().enumerate() {
+            if !numbers.contains(&number) {
+                *view = refine(std::mem::take(view), middle, &seen_by(cameras[number]), &mut render)?;
+            }
+        }
+        views = Views::new(size_px, pictures)?;
+    }
+    let views_ms = milliseconds(since);
+    let words = if refined { "parts of the others" } else { "the others made of them" };
+    let rendered = if from_middle { "none".to_owned() } else { numbers.len().to_string() };
     Ok(ViewFile {
         file: encode_views(scene.display.layout, &views, encoder.panel())?,
-        report: serde_json::json!({ "eyes": eyes, "rendered": numbers, "views_ms": milliseconds(since) }),
-        lines: vec![format!("{} views, {} of them rendered", eyes.len(), rendered.len())],
+        report: serde_json::json!({ "eyes": eyes, "rendered": numbers, "views_ms": views_ms }),
+        lines: vec![format!("{} views: {rendered} rendered, {words}", eyes.len())],
     })
+}
+
+/// A view with the parts rendered that differ most.
+fn refine(
+    view: Vec<[u8; 3]>,
+    middle: &RenderedFrame,
+    request: &RenderRequest,
+    render: &mut impl FnMut(&RenderRequest) -> anyhow::Result<RenderedFrame>,
+) -> anyhow::Result<Vec<[u8; 3]>> {
+    let mut refinement = Refinement::new(view, middle, Refinement::USUAL_SHARE);
+    while let Some(blocks) = refinement.next_blocks() {
+        let blocks = Arc::new(blocks);
+        let cast = render(&RenderRequest { blocks: Some(Arc::clone(&blocks)), ..request.clone() })?;
+        refinement.take(&blocks, &cast);
+    }
+    Ok(refinement.into_view())
 }
 
 /// The file with these views of a picture that is rendered already.
@@ -121,14 +158,14 @@ pub(super) fn make(
         return from_one_picture(&encoder, frame, limits);
     }
     let (setup, cameras) = cameras(scene, &frame.camera, limits)?;
-    let mut seen_by =
-        |camera: Camera| render(renderer, volume, &RenderRequest { camera, ..scene.request.clone() });
-    if choice == ViewChoice::Interpolated {
-        return interpolated(scene, frame, limits, cameras, keys, seen_by);
+    let mut render = |request: &RenderRequest| render(renderer, volume, request);
+    if let ViewChoice::Interpolated | ViewChoice::Refined = choice {
+        let is_refined = choice == ViewChoice::Refined;
+        return interpolated(scene, frame, limits, &cameras, (is_refined, keys), render);
     }
     let (since, mut pictures) = (Instant::now(), Vec::new());
     for camera in cameras {
-        let seen = seen_by(camera)?;
+        let seen = render(&RenderRequest { camera, ..scene.request.clone() })?;
         pictures.push(seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect());
     }
     let views_ms = milliseconds(since);
@@ -189,22 +226,14 @@ fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimit
 
 /// Where the plane of the screen lies before a scene's camera, and how far apart eyes are there.
 pub(super) fn screen(scene: &Scene, camera: &Camera, limits: DepthLimits) -> anyhow::Result<TrueViews> {
-    let size_px = scene.request.size_px;
-    let [half_width, _] = camera.half_extent(size_px);
-    let parallax = scene.display.encoder()?.parallax(size_px[0]);
-    let setup = parallax.true_views(limits, half_width, size_px[0]);
-    setup.context("the plane of the screen is behind the camera: set near_mm and far_mm, or another offset")
+    Ok(true_views(&scene.display, camera, scene.request.size_px, limits)?)
 }
 
 /// The cameras of a scene's views.
 fn cameras(scene: &Scene, middle: &Camera, limits: DepthLimits) -> anyhow::Result<(TrueViews, Vec<Camera>)> {
     let setup = screen(scene, middle, limits)?;
-    let cameras = scene.display.encoder()?.eyes().into_iter().map(|eye| {
-        middle.seen_from_beside(eye * setup.baseline_mm, setup.converging_mm).context(
-            "true views need a perspective: a parallel projection has no eye to be moved (leave --fov-deg 0 out)",
-        )
-    });
-    Ok((setup, cameras.collect::<anyhow::Result<_>>()?))
+    let cameras = eye_cameras(&setup, middle, &scene.display.encoder()?.eyes());
+    Ok((setup, cameras.context("leave --fov-deg 0 out")?))
 }
 
 /// The quilt of rendered views above synthesised ones; `None` for layouts without a quilt.

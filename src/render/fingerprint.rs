@@ -9,6 +9,7 @@
 //! their name, and options with whether they are present. So two different requests have different
 //! bytes.
 
+use super::chosen::ChosenBlocks;
 use super::detail::Detail;
 use super::illumination::{Illumination, Occlusion};
 use super::labels::{Labels, Look};
@@ -96,6 +97,7 @@ impl FingerprintBytes {
             clip,
             table,
             labels,
+            blocks,
             background_rgb,
             overlays,
             lights,
@@ -142,9 +144,17 @@ impl FingerprintBytes {
         self.side(*scatterings);
         self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
-        // Last, and only where it is not the usual one: names of other pictures stay.
-        if *detail == Detail::Coarse {
+        self.unusual(*detail, blocks.as_deref());
+    }
+
+    /// Last, and only where they are not the usual ones: names of other pictures stay.
+    fn unusual(&mut self, detail: Detail, blocks: Option<&ChosenBlocks>) {
+        if detail == Detail::Coarse {
             self.text("coarse");
+        }
+        if let Some(blocks) = blocks {
+            self.text("blocks");
+            self.list(blocks.flags(), |form, flag| form.flag(*flag));
         }
     }
 

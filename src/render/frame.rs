@@ -49,6 +49,8 @@ pub struct RenderedFrame {
     /// View depth of the front of the nearest ball that was drawn over it, such as a cursor; `None`
     /// without one.
     pub nearest_ball_mm: Option<f64>,
+    /// Whether only the chosen blocks of the request were cast; the others show the background.
+    pub is_partial: bool,
     /// Where the time went.
     pub timings: Timings,
 }

@@ -102,6 +102,7 @@ mod tests {
             camera: plane.view().camera(Point::new(0.0, 0.0, 0.0), 300.0, 100.0).unwrap(),
             limits: DepthLimits::new(200.0, 400.0).unwrap(),
             nearest_ball_mm: None,
+            is_partial: false,
             timings: Timings::default(),
         };
         burn(&mut frame);

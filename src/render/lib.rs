@@ -29,6 +29,7 @@
 mod appearance;
 mod bands;
 mod calibrate;
+mod chosen;
 mod classification;
 mod depth_rule;
 mod detail;
@@ -55,6 +56,7 @@ mod pathtrace;
 mod pipelines;
 mod processor;
 mod quality;
+mod refine;
 mod region;
 mod renderer;
 mod request;
@@ -79,6 +81,7 @@ mod watch;
 
 pub use crate::request_error::RequestError;
 pub use crate::volume_plan::VolumePlan;
+pub use chosen::{BLOCK_PX, ChosenBlocks};
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use detail::Detail;
@@ -99,6 +102,7 @@ pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Te
 pub use pathtrace::PathTrace;
 pub use processor::{left_by_processor, render_reference};
 pub use quality::Quality;
+pub use refine::Refinement;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{

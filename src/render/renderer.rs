@@ -226,9 +226,13 @@ impl Renderer {
         let drawing = Drawing::new(request, volume.grid())?;
         let preparing_ms = milliseconds(preparing);
         let mut frame = match request.reduced_px {
+            None if request.blocks.is_some() && (drawing.is_some() || request.letters) => {
+                let whole = RenderRequest { blocks: None, ..request.clone() };
+                self.rays(volume, &whole, skipping, watch)?
+            }
             None => self.rays(volume, request, skipping, watch)?,
             Some(size_px) => {
-                let reduced = RenderRequest { size_px, reduced_px: None, ..request.clone() };
+                let reduced = RenderRequest { size_px, reduced_px: None, blocks: None, ..request.clone() };
                 let frame = self.rays(volume, &reduced, skipping, watch)?;
                 let start = Instant::now();
                 let mut frame = enlarged(frame, request.size_px);

@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use super::chosen::ChosenBlocks;
 use super::classification::Classification;
 pub(crate) use super::depth_rule::DepthRule;
 use super::detail::Detail;
@@ -133,6 +134,10 @@ pub struct RenderRequest {
     /// How the segments of a label map are shown; `None` where all of the volume is shown alike.
     /// Shared, as it may be large.
     pub labels: Option<Arc<Labels>>,
+    /// The blocks of pixels that are cast; `None` for all. The processor's ray caster obeys for
+    /// pictures without overlays, letters and smaller sizes; others are whole, as
+    /// [`super::RenderedFrame::is_partial`] says.
+    pub blocks: Option<Arc<ChosenBlocks>>,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
     /// The overlays of the picture, in the same depth. Shared, since they may be large.

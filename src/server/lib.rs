@@ -127,6 +127,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/session/wand", post(identity::wand))
         .route("/v1/session/{view}/mjpeg", get(live::mjpeg))
         .route("/v1/session/{view}/frame", get(live::next_frame))
+        .route("/v1/session/{view}/views", get(live::eye_views))
         .route("/v1/session/{view}/intent", post(live::intent))
         .route("/v1/archives", get(archives::list))
         .route("/v1/archives/{archive}/search", post(archives::search))

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 89] = [
+const FILES: [(&str, &str, &str); 90] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -83,6 +83,7 @@ const FILES: [(&str, &str, &str); 89] = [
     ("/synthesis-worker.js", SCRIPT, include_str!("page/kiosk/synthesis-worker.js")),
     ("/synthesizer.js", SCRIPT, include_str!("page/kiosk/synthesizer.js")),
     ("/virtual-screen.js", SCRIPT, include_str!("page/kiosk/virtual-screen.js")),
+    ("/true-views.js", SCRIPT, include_str!("page/kiosk/true-views.js")),
     ("/view-shader.js", SCRIPT, include_str!("page/kiosk/view-shader.js")),
     ("/controls.js", SCRIPT, include_str!("page/kiosk/controls.js")),
     ("/wiimote.js", SCRIPT, include_str!("page/kiosk/wiimote.js")),

@@ -218,6 +218,9 @@ impl From<&LiveError> for Problem {
                 None => Self::internal("reading the annotations", cause),
             },
             LiveError::Intent(_) | LiveError::Camera(_) => Self::refused_intent(error),
+            LiveError::TrueViews(error) => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-true-views", error)
+            }
             LiveError::Stage(_)
             | LiveError::SnapRadius { .. }
             | LiveError::SceneKey { .. }

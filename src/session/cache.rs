@@ -100,6 +100,7 @@ mod tests {
             camera: key.request.camera,
             limits: DepthLimits::new(1.0, 2.0).unwrap(),
             nearest_ball_mm: None,
+            is_partial: false,
             timings: Timings::default(),
         })
     }

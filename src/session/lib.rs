@@ -20,6 +20,7 @@ mod live;
 mod service;
 mod thumbnail;
 mod ticket;
+mod true_views;
 mod volumes;
 mod waiting;
 
@@ -38,13 +39,14 @@ pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
 pub use label_maps::{LabelsError, PlacedLabels, load_labels, most_label_voxels};
 pub use live::{
-    Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, Flow, HeldPoint,
-    LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer, Views, lock,
-    micros, search_preview,
+    Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, EyeViewQuality,
+    EyeViews, Flow, HeldPoint, LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View,
+    ViewFrame, Viewer, Views, lock, micros, search_preview,
 };
 pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
+pub use true_views::{TrueViewsError, eye_cameras, true_views};
 pub use volumes::{
     Added, HostMemory, LoadedVolume, MemoryFull, NameSource, ReadError, UploadRefused, UploadedVolumes,
     VolumeEntry, VolumeError, VolumeReader, Volumes,

@@ -343,7 +343,10 @@ fn answer(
                 }
                 Ok(Some(frame)) => {
                     let frame = Arc::new(frame);
-                    lock(&shared.recent).put(next.job.key.clone(), Arc::clone(&frame));
+                    // A part of a picture is wanted once.
+                    if !frame.is_partial {
+                        lock(&shared.recent).put(next.job.key.clone(), Arc::clone(&frame));
+                    }
                     Ok(Rendered { frame, queue_ms, origin: Origin::Rendered })
                 }
                 Err(ServiceError::Backend(BackendError::Failed(error))) => {
@@ -402,7 +405,9 @@ fn render(
             let (grid, ms) = (order.volume.grid(), frame.timings.render_ms);
             let Timings { upload_ms, overlay_ms, .. } = frame.timings;
             tracing::trace!(upload_ms, render_ms = ms, overlay_ms, passes, "rendered");
-            lock(&shared.speeds).record(*volume, grid, request, passes, ms);
+            if !frame.is_partial {
+                lock(&shared.speeds).record(*volume, grid, request, passes, ms);
+            }
         }
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
         Ok(Err(BackendError::Cancelled)) if is_interrupted && order.promise.is_wanted() => return Ok(None),

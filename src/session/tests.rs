@@ -51,6 +51,7 @@ impl RenderBackend for Gated {
                 camera: request.camera,
                 limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
                 nearest_ball_mm: None,
+                is_partial: false,
                 timings: Timings::default(),
             }),
         }
@@ -162,6 +163,7 @@ impl RenderBackend for Fragile {
             camera: request.camera,
             limits: DepthLimits::new(1.0, 9.0).expect("1 < 9"),
             nearest_ball_mm: None,
+            is_partial: false,
             timings: Timings::default(),
         })
     }

@@ -20,6 +20,7 @@ import urllib.request
 import zipfile
 
 import numpy
+import rest
 import space
 from PIL import Image
 from playwright.sync_api import sync_playwright
@@ -174,7 +175,7 @@ def outputs(playwright, server):
     for name in names:
         more = "&lens=4.5,0.25,0.125" if name == "lenses" else ""
         expected = arranged(name, left, right, quilt)
-        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&size=480x270&output={name}{more}")
+        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&size=480x270&rest=synthesised&output={name}{more}")
         wait_still(page)
         shot = pixels(page.locator("#frame").screenshot())
         different = int((shot != expected).any(axis=2).sum()) if shot.shape == expected.shape else -1
@@ -184,7 +185,7 @@ def outputs(playwright, server):
         page.close()
     # The layout with a back layer has the size of the display.
     two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo&depth_rule=two-layer"))
-    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&output=stereo&layers=2")
+    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&output=stereo&rest=synthesised&layers=2")
     wait_still(page)
     shot = pixels(page.locator("#frame").screenshot())
     found["layers"] = {"different": int((shot != two).any(axis=2).sum()) if shot.shape == two.shape else -1, "problems": problems}
@@ -266,7 +267,7 @@ def eyes(playwright, server):
             json.dump({"rest_mm": [0, 0, 600], "eye_separation_mm": 60}, file)
         command = [RELIEF, "client", "--server", server.url, "--headless", "--role", "watcher", "--view", "eyes"]
         command += ["--eyes", f"opentrack:127.0.0.1:{port}", "--display-geometry", geometry]
-        address = f"{server.url}/kiosk?preset=bone&size=480x270&view=eyes&distance=600"
+        address = f"{server.url}/kiosk?preset=bone&size=480x270&view=eyes&distance=600&rest=synthesised"
         pages = {name: page_of(opened, f"{address}&output={name}") for name in ("flat", "stereo")}
         for page, _ in pages.values():
             wait_still(page)
@@ -318,9 +319,9 @@ def eyes(playwright, server):
     return found
 
 
-def in_space(playwright, server):
+def seen_by(part, playwright, server):
     opened = browser(playwright, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-    found = space.seen(opened, server, page_of, wait_for, wait_still, pixels)
+    found = part.seen(opened, server, page_of, wait_for, wait_still, pixels)
     opened.close()
     return found
 
@@ -481,7 +482,8 @@ def main():
             found["outputs"] = outputs(playwright, server)
             found["comfort"] = comfort(playwright, server)
             found["eyes"] = eyes(playwright, server)
-            found["space"] = in_space(playwright, server)
+            found["space"] = seen_by(space, playwright, server)
+            found["rest"] = seen_by(rest, playwright, server)
             found["early"] = early(playwright, server)
             found["hands"] = hands(playwright, server)
             found["wiimote"] = wiimote(playwright, server)

@@ -168,6 +168,30 @@ fn the_kiosk_makes_the_views_that_the_server_makes() {
     assert!(refused.contains("output is hologram; allowed: frame, flat, stereo"), "{refused}");
 }
 
+/// Invariant: The kiosk shows rendered views of a picture at rest: those of `relief render --views true`, byte by
+/// byte.
+#[test]
+fn views_at_rest_are_those_that_the_command_line_renders() {
+    let Some(seen) = seen("views at rest") else { return };
+    let rest = &seen["rest"];
+    assert_eq!(rest["problems"], serde_json::json!([]), "{rest}");
+    assert!(rest["lit"].as_i64().unwrap() > 5000, "{rest}");
+    for output in ["stereo", "inches", "lines", "middle"] {
+        assert_eq!(rest[output], 0, "{output}: {rest}");
+    }
+    assert_eq!((&rest["synthesised"], &rest["moved"]), (&Value::Null, &true.into()), "{rest}");
+    let [warped, refined] = ["warped", "refined"].map(|way| number(&rest["db"][way]));
+    assert!(refined > warped + 1.0 && refined < 90.0, "{warped} and {refined} dB");
+    assert!(rest["facts"].as_str().unwrap().contains("true views of the server"), "{rest}");
+    for (query, refused) in rest["refused"].as_object().unwrap() {
+        let expected = if query.contains("best") { "malformed-parameter" } else { "out-of-range" };
+        assert_eq!(refused["code"], expected, "{query}: {refused}");
+    }
+    assert_eq!(rest["other"]["status"], 204, "{rest}");
+    let never = rest["never"].as_str().unwrap();
+    assert!(never.contains("rest is never; allowed: true, synthesised"), "{never}");
+}
+
 /// Invariant: Views follow a tracked viewer: they are those of the same places of the eyes, byte by byte.
 #[test]
 fn views_follow_the_eyes_of_a_head_tracker() {

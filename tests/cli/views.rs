@@ -135,6 +135,29 @@ fn interpolated_views_are_the_true_ones_at_the_keys_and_close_between_them() {
         }
         assert!(means[0] > means[1], "{keys}: {means:?} dB in all");
     }
+    // A tenth of the others rendered brings them nearer.
+    let (_, between) = render(&["interpolated", "--key-views", "3"], &path("three.png"));
+    let (report, refined) = render(&["refined", "--key-views", "3"], &path("refined.png"));
+    assert_eq!(report["rendered"], json!([0, 4, 8]));
+    for number in [1, 2, 3, 5, 6, 7] {
+        let [before, after] =
+            [&between[number], &refined[number]].map(|other| relief_display::psnr_db(&exact[number], other));
+        assert!(after > before + 0.2 && after < 99.0, "{number}: {before} and {after} dB");
+    }
+    let pair = |views: &str| {
+        let scene = ["render", "--series", &series, "--preset", "bone", "--zoom", "1.5", "--size", "161x91"];
+        json_of(
+            &[&scene[..], &["--layout", "stereo", "--views", views, "--out", &path("two.png"), "--json"]]
+                .concat(),
+        );
+        views_of(&path("two.png"))
+    };
+    let (exact, made, refined) = (pair("true"), pair("synthesised"), pair("refined"));
+    for eye in [0, 1] {
+        let [before, after] =
+            [&made, &refined].map(|other| relief_display::psnr_db(&exact[eye], &other[eye]));
+        assert!(after > before + 0.2 && after < 99.0, "{eye}: {before} and {after} dB");
+    }
     let no_keys = refusal(&[
         "render",
         "--series",

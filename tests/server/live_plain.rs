@@ -71,6 +71,36 @@ async fn a_poll_for_what_does_not_come_ends_empty() {
 }
 
 #[tokio::test]
+async fn views_at_rest_are_seen_from_beside_and_end_with_a_movement() {
+    let running = Running::new().await;
+    let stage = &running.stage;
+    let settings = json!({ "size_px": [320, 180], "display": { "layout": "rgbd" } });
+    let (mut presenter, _) = running.hello(json!({ "view": "desk", "settings": settings })).await;
+    let still = presenter.still(0).await;
+    let [width, height] = still.header.size_px.map(u32::from);
+    for quality in ["true", "refined"] {
+        let path = format!("/v1/session/desk/views?eyes=-16,0,16&quality={quality}");
+        let answer = stage.get_with(&path, &[HOST]).await;
+        assert_eq!((answer.status.as_u16(), answer.header("content-type")), (200, "image/png"));
+        let views = image::load_from_memory(&answer.body).unwrap().into_rgb8();
+        assert_eq!(views.dimensions(), (width, 3 * height));
+        // The sphere stays where the camera looks, so that only the shift of the lens moves it.
+        let middle = |view: u32| {
+            let row = view * height + height / 2;
+            let red: Vec<u32> = (0..width).filter(|x| views.get_pixel(*x, row)[0] > 100).collect();
+            f64::from(red[0] + red[red.len() - 1]) / 2.0 - f64::from(width - 1) / 2.0
+        };
+        let [left, own, right] = [0, 1, 2].map(middle);
+        assert!((left + right - 2.0 * own).abs() < 1.1 && right > own + 1.0, "{left}, {own}, {right} pixels");
+        let own =
+            views.as_raw().chunks_exact(3).skip((width * height) as usize).take((width * height) as usize);
+        assert!(own.eq(still.color.iter()), "the eye in the middle sees the picture itself");
+    }
+    let path = format!("/v1/session/desk/views?eyes=0&frame={}", u64::MAX);
+    assert_eq!(stage.get_with(&path, &[HOST]).await.status, 204);
+}
+
+#[tokio::test]
 async fn jpegs_come_without_end_as_the_view_moves() {
     let running = Running::new().await;
     let (mut presenter, _) = running.hello(json!({ "view": "desk" })).await;
@@ -125,6 +155,10 @@ async fn invalid_messages_are_answered_with_the_reason() {
         ("nowhere/frame?wait_ms=60000", 422, "out-of-range"),
         ("nowhere/frame?after=x", 400, "malformed-parameter"),
         ("nowhere/frame?before=1", 400, "malformed-parameter"),
+        ("nowhere/views?eyes=0", 404, "no-such-view"),
+        ("nowhere/views", 400, "malformed-parameter"),
+        ("nowhere/views?eyes=0,x", 422, "out-of-range"),
+        ("nowhere/views?eyes=-16.5", 422, "out-of-range"),
     ] {
         let problem = stage.get_with(&format!("/v1/session/{path}"), &[HOST]).await.problem(status);
         assert_eq!(problem["type"], format!("urn:relief:problem:{kind}"), "{path}");

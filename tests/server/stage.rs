@@ -136,6 +136,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
         camera: request.camera,
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
         nearest_ball_mm: None,
+        is_partial: false,
         timings: Timings { upload_ms: 1.0, render_ms: 2.0, overlay_ms: 0.0 },
     }
 }
@@ -149,8 +150,9 @@ pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> 
     }
     let [half_x, half_y] = camera.half_extent(request.size_px);
     let [width, height] = request.size_px.map(f64::from);
-    let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x;
-    let y = (1.0 - (f64::from(row) + 0.5) / height * 2.0) * half_y;
+    let [shift_x, shift_y] = camera.lens_shift();
+    let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x + shift_x;
+    let y = (1.0 - (f64::from(row) + 0.5) / height * 2.0) * half_y + shift_y;
     // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
     let (a, distance) = (x * x + y * y + 1.0, camera.distance_mm());
     let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);

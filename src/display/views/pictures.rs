@@ -40,6 +40,12 @@ impl Views {
     pub fn pictures(&self) -> &[Vec<[u8; 3]>] {
         &self.pictures
     }
+
+    /// The views from left to right.
+    #[must_use]
+    pub fn into_pictures(self) -> Vec<Vec<[u8; 3]>> {
+        self.pictures
+    }
 }
 
 /// Rejects layers that do not fill the size, and too many or too large views, before any work.

@@ -149,8 +149,9 @@ impl Order<'_> {
                 .collect();
             rows.into_par_iter().with_max_len(1).for_each(|rows| self.width.run(rows));
         };
-        let outcome =
-            self.bands.for_rays(request.samples_of_ray(volume.grid())).each(region, rows, cast, watch);
+        let share = request.blocks.as_ref().map_or(1.0, |blocks| blocks.share());
+        let samples_of_ray = share * request.samples_of_ray(volume.grid());
+        let outcome = self.bands.for_rays(samples_of_ray).each(region, rows, cast, watch);
         if let Err(error) = outcome {
             let picture = Picture { spent: start.elapsed(), ..picture };
             let (volume, request) = (volume.content_hash(), request.clone());
@@ -166,6 +167,7 @@ impl Order<'_> {
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),
             nearest_ball_mm: None,
+            is_partial: request.blocks.is_some(),
             timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
         })
     }

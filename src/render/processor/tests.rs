@@ -10,7 +10,8 @@ use super::*;
 use crate::light::{Light, Placement};
 use crate::request::DepthRule;
 use crate::{
-    Classification, Clip, ClipPlane, ClipSphere, Edges, Labels, Look, SceneFile, SlabBlend, Surface,
+    ChosenBlocks, Classification, Clip, ClipPlane, ClipSphere, Edges, Labels, Look, SceneFile, SlabBlend,
+    Surface,
 };
 
 const SIZE_PX: [u32; 2] = [150, 110];
@@ -228,4 +229,35 @@ fn a_picture_is_cancelled_between_bands() {
     let outcome =
         processor.cast(&volume, &request, EmptySpaceSkipping::On, &limits, &mut Watch::new(&mut goes_on));
     assert!(matches!(outcome, Err(RenderError::Cancelled)) && bands == 3);
+}
+
+/// Chosen blocks have the bytes of the whole picture, the others the background; pictures with
+/// letters or of another size are whole.
+#[test]
+fn chosen_blocks_are_those_of_the_whole_picture() {
+    let volume = head();
+    let mut renderer = crate::Renderer::on_processor();
+    for (name, request) in requests(&volume).into_iter().step_by(7) {
+        let whole = renderer.render(&volume, &request).unwrap();
+        let chosen =
+            ChosenBlocks::where_each(SIZE_PX, |column, row| (column * 5 + row * 3).is_multiple_of(11));
+        let blocks = Some(Arc::new(chosen.clone()));
+        let partial = renderer.render(&volume, &RenderRequest { blocks, ..request.clone() }).unwrap();
+        assert!(!whole.is_partial && partial.is_partial, "{name}");
+        let empty = super::super::target::background(&request);
+        for (at, (pixel, depth)) in partial.color_rgba.iter().zip(&partial.depth_mm).enumerate() {
+            let place = [at as u32 % SIZE_PX[0], at as u32 / SIZE_PX[0]];
+            let expected = if chosen.has(place) {
+                (whole.color_rgba[at], whole.depth_mm[at])
+            } else {
+                (empty, f32::INFINITY)
+            };
+            assert_eq!((*pixel, depth.to_bits()), (expected.0, expected.1.to_bits()), "{name}, {place:?}");
+        }
+        let reduced = RenderRequest { reduced_px: Some([75, 55]), ..request };
+        let one = renderer.render(&volume, &reduced).unwrap();
+        let other =
+            renderer.render(&volume, &RenderRequest { blocks: Some(Arc::new(chosen)), ..reduced }).unwrap();
+        assert!(!other.is_partial && one.color_rgba == other.color_rgba, "{name}");
+    }
 }

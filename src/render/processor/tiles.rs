@@ -5,6 +5,7 @@
 
 use relief_lanes::{Kernel, Lanes, Mask as _, Real as _, Triple};
 
+use super::super::chosen::BLOCK_PX;
 use super::super::mode::Mode;
 use super::super::region::Region;
 use super::ray::Rays;
@@ -37,9 +38,9 @@ struct Packet {
     size: [u32; 2],
 }
 
-/// Width and height of a packet, pixels.
+/// Width and height of a packet, pixels: a block, or a part of one.
 const fn packet(lanes: usize) -> [u32; 2] {
-    if lanes == 8 { [4, 2] } else { [lanes as u32, 1] }
+    if lanes == 8 { BLOCK_PX } else { [lanes as u32, 1] }
 }
 
 impl Kernel for Rows<'_> {
@@ -53,6 +54,10 @@ impl Kernel for Rows<'_> {
         for row in (0..rows).step_by(size[1] as usize) {
             let Region { first: [left, _], size: [columns, _] } = self.region;
             for column in (left..left + columns).step_by(size[0] as usize) {
+                let first = [column, self.first + row];
+                if self.job.request.blocks.as_ref().is_some_and(|blocks| !blocks.has(first)) {
+                    continue;
+                }
                 self.cast_packet(&scene, Packet { first: [column, row], size });
             }
         }

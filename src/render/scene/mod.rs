@@ -436,6 +436,7 @@ impl SceneFile {
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
             clip: clip.resolve()?,
             table: self.table.unwrap_or_default(),
+            blocks: None,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
             lights: resolve_lights(self.lights, mode)?,

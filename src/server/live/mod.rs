@@ -8,6 +8,7 @@
 
 mod close;
 mod connection;
+mod eye_views;
 mod hub;
 mod placing;
 mod plain;
@@ -23,6 +24,7 @@ use super::problem::Problem;
 use super::state::{LiveParts, Server};
 use relief_session::{Presentation, View};
 
+pub(super) use eye_views::eye_views;
 pub(super) use hub::Live;
 pub use hub::LiveConfig;
 pub(super) use plain::{intent, mjpeg, next_frame};

@@ -29,7 +29,7 @@ use relief_live::{
 };
 use relief_session::{FileFormat, LiveError, Outcome, Presentation, View, ViewFrame, Viewer, search_preview};
 
-static RELIEF_FRAME: HeaderName = HeaderName::from_static("relief-frame");
+pub(super) static RELIEF_FRAME: HeaderName = HeaderName::from_static("relief-frame");
 const BOUNDARY: &str = "relief-frame-boundary";
 const JPEG_QUALITY: u8 = 90;
 /// Waits for a frame, ms.
@@ -37,7 +37,7 @@ const USUAL_WAIT_MS: u64 = 10_000;
 const LONGEST_WAIT_MS: u64 = 30_000;
 
 /// A viewer without acknowledgements; it leaves the view when dropped.
-struct PlainViewer {
+pub(super) struct PlainViewer {
     parts: LiveParts,
     view: Arc<View>,
     viewer: Arc<Viewer>,
@@ -46,10 +46,9 @@ struct PlainViewer {
 }
 
 impl PlainViewer {
-    fn new(parts: LiveParts, caller: &Caller, name: &str) -> Result<Self, Problem> {
-        check_name(name)?;
+    pub(super) fn new(parts: LiveParts, caller: &Caller, name: &str) -> Result<Self, Problem> {
+        let view = find_view(&parts, name)?;
         let place = parts.live.place(caller)?;
-        let view = parts.live.views.find(name).ok_or_else(no_such_view)?;
         let viewer = Viewer::new(parts.live.next_id(), Role::Watcher, true, Instant::now());
         let mut frames = view.frames.subscribe();
         frames.mark_changed();
@@ -72,6 +71,16 @@ impl PlainViewer {
                 self.viewer.flow().taken = view_frame.number;
                 self.view.work.notify_one();
                 return Some(view_frame);
+            }
+        }
+    }
+
+    /// The newest frame once it has full quality; `None` when the view has ended.
+    pub(super) async fn still(&mut self) -> Option<Arc<ViewFrame>> {
+        loop {
+            let newest = self.next().await?;
+            if newest.is_still && newest.revision == self.view.revision() {
+                return Some(newest);
             }
         }
     }
@@ -248,13 +257,19 @@ pub(crate) async fn intent(
     Ok(Json(answer))
 }
 
+/// The view of this name, which is kept for a while from now on.
+pub(super) fn find_view(parts: &LiveParts, name: &str) -> Result<Arc<View>, Problem> {
+    check_name(name)?;
+    parts.live.views.find(name).ok_or_else(no_such_view)
+}
+
 fn check_name(name: &str) -> Result<(), Problem> {
     check_view_name(name).map_err(|error| {
         Problem::new(StatusCode::BAD_REQUEST, "malformed-name", error.reason).with("path", "view")
     })
 }
 
-fn query<T: serde::de::DeserializeOwned>(uri: &Uri) -> Result<T, Problem> {
+pub(super) fn query<T: serde::de::DeserializeOwned>(uri: &Uri) -> Result<T, Problem> {
     axum::extract::Query::<T>::try_from_uri(uri)
         .map(|query| query.0)
         .map_err(|error| Problem::new(StatusCode::BAD_REQUEST, "malformed-parameter", error.body_text()))

@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::sync::Arc;
 
+use crate::true_views::TrueViewsError;
 use crate::volumes::ReadError;
 use crate::{JobError, ServiceError};
 use relief_annotation::SnapError;
@@ -61,6 +62,9 @@ pub enum LiveError {
         /// Names of the layouts that can be streamed.
         allowed: String,
     },
+    /// A picture has no views for other eyes.
+    #[error(transparent)]
+    TrueViews(#[from] TrueViewsError),
     /// The voxels of the volume could not be read again.
     #[error(transparent)]
     Voxels(#[from] ReadError),

@@ -8,13 +8,14 @@ use tokio::sync::OnceCell;
 
 use super::LiveError;
 use crate::engine::Engine;
+use crate::volumes::VolumeEntry;
 use relief_base::{DepthLimits, ViewDepth};
 use relief_display::{DisplaySettings, Frame, Picture};
 use relief_live::{
     ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, LiveLayout, ReceivedDepth,
     ReceivedFrame, encode_color, encode_d8, encode_z16,
 };
-use relief_render::RenderedFrame;
+use relief_render::{RenderRequest, RenderedFrame};
 
 /// The newest message of a viewer that a frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +71,9 @@ pub struct ViewFrame {
     pub state: Arc<str>,
     /// View depths of Z = 0 and Z = 1.
     pub limits: DepthLimits,
+    /// What it was rendered from.
+    pub(super) request: RenderRequest,
+    pub(super) entry: Arc<VolumeEntry>,
     pub(super) encodings: Encodings,
 }
 

@@ -7,6 +7,7 @@
 
 mod effect;
 mod error;
+mod eye_views;
 mod frame;
 mod ghost;
 mod job;
@@ -25,6 +26,7 @@ mod views;
 
 pub use effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
 pub use error::LiveError;
+pub use eye_views::{EyeViewQuality, EyeViews};
 pub use frame::{Echo, EncodedParts, ViewFrame, micros};
 pub use motion::Delays;
 pub use pace::{Pace, USUAL_QUALITY};

@@ -24,7 +24,7 @@ use relief_live::{Quality, ServerMessage, StateMessage};
 use relief_render::RenderRequest;
 
 /// Delay before a full queue is tried again.
-const BUSY: Duration = Duration::from_millis(10);
+pub(super) const BUSY: Duration = Duration::from_millis(10);
 /// Smallest side of a reduced frame.
 const LEAST_PX: f64 = 32.0;
 
@@ -138,6 +138,8 @@ fn view_frame(
     Ok(ViewFrame {
         number: job.number,
         limits,
+        request: job.request.clone(),
+        entry: Arc::clone(&job.entry),
         frame,
         display: job.display.clone(),
         full_px: job.request.size_px,

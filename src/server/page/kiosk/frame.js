@@ -60,11 +60,14 @@ export async function unpack(header, buffer) {
   return { rgba, disparity };
 }
 
-async function fromJpeg(bytes, width, rows) {
+const fromJpeg = (bytes, width, rows) => pixelsOf(new Blob([bytes], { type: "image/jpeg" }), width, rows);
+
+/** The pixels (RGBA, one byte each) of an encoded picture; throws if it has another size. */
+export async function pixelsOf(blob, width, rows) {
   // No colour conversion: the picture has no profile, and its values are those of the display.
   const options = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-  const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/jpeg" }), options);
-  if (bitmap.width !== width || bitmap.height !== rows) throw new Error("the JPEG has another size than its frame");
+  const bitmap = await createImageBitmap(blob, options);
+  if (bitmap.width !== width || bitmap.height !== rows) throw new Error("a picture has another size than was announced");
   const context = new OffscreenCanvas(width, rows).getContext("2d", { alpha: false, willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
   bitmap.close();

@@ -3,18 +3,20 @@
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
 // volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
 // has no size of its own), annotations (true, or sets with commas between them) and their author. With output (see outputs.js) the page makes views for other displays:
-// views, span, eye, inches, lens, subpixels, swap, distance, and layers (1 or 2). Views follow the
+// views, span, eye, inches, lens, subpixels, swap, distance, layers (1 or 2), and rest (true or synthesised: the views of a picture
+// at rest; see true-views.js). Views follow the
 // eyes that a client of the view sends, or those of a WebXR session. comfort has the limits of parallax (see comfort.js).
 
 import { onControls } from "./controls.js";
 import { comfortOf, comfortProblems, comfortWords, drawHistogram, landmarksOutsideWords, outsideWords, parallaxOf } from "./comfort.js";
 import { Panel } from "./panel.js";
 import { compose, layoutOf } from "./frame.js";
-import { outputOf, screenOf } from "./outputs.js";
+import { eyesOf, outputOf, screenOf, seenThrough, trackedEyes } from "./outputs.js";
 import { showPairing } from "./pairing.js";
 import { Session } from "./session.js";
 import { SpaceMouse } from "./spacemouse.js";
 import { synthesizerOf } from "./synthesizer.js";
+import { TrueViews, qualitiesOf } from "./true-views.js";
 import { canImmerse, immerse } from "./virtual-screen.js";
 import { Wiimote } from "./wiimote.js";
 
@@ -55,6 +57,11 @@ const profile = parameters.get("profile") ?? "philips-42";
 const output = await checked(() => outputOf(parameters));
 const comfortLimits = await checked(() => comfortOf(parameters));
 const synthesizer = output && (await checked(() => synthesizerOf(parameters.toString(), profile)));
+const qualities = await checked(() => qualitiesOf(parameters));
+/** The rendered views of a picture at rest, in place of those that the page makes. */
+const trueViews = synthesizer && new TrueViews(qualities, { show: showGiven, failed: (reason) => (atRest = reason) });
+/** What is shown while nothing moves. */
+let atRest = "";
 /** The parallax of the frame on the display. */
 let comfort = null;
 /** Times of the view synthesis of the last frames, ms. */
@@ -98,13 +105,39 @@ async function follow(eyes) {
   isFollowing = false;
 }
 
+/** Shows rendered views, unless the picture has moved. */
+async function showGiven(size, pixels, quality, signal) {
+  const image = made(await synthesizer.give(pixels));
+  if (signal.aborted) return;
+  panel.show(image);
+  atRest = `${quality} views of the server`;
+  document.documentElement.dataset.views = quality;
+}
+
+/** The picture or the eyes have come to rest. */
+function rested() {
+  if (!trueViews || !view || !shown?.still || leave) return;
+  const { distance } = screenOf(output, profile);
+  const tracked = viewer && trackedEyes({ ...output, distance }, viewer.eyes);
+  trueViews.rest(view.name, seenThrough(output, profile, eyesOf({ ...output, tracked })), shown.full);
+}
+
+/** The picture or the eyes move. */
+function moved() {
+  trueViews?.moved();
+  atRest = "";
+  delete document.documentElement.dataset.views;
+}
+
 async function showFor({ eyes, since }) {
   coming = null;
+  moved();
   const image = made(await synthesizer.follow(eyes));
   if (!image) return;
   panel.show(image);
   viewer = { eyes, shownMs: performance.now() - since, count: (viewer?.count ?? 0) + 1 };
   document.documentElement.dataset.eyes = viewer.count;
+  rested();
 }
 
 /** Shows both views on a screen in space, or ends that. */
@@ -156,6 +189,7 @@ function drawnSets() {
 
 const session = new Session(helloOf(), {
   async show(header, layers) {
+    moved();
     panel.show(await frameOf(header, layers));
     servedMs = session.delayOf(header.showsSeq) ?? servedMs;
     shown = header;
@@ -168,6 +202,7 @@ const session = new Session(helloOf(), {
     // Reading the canvas back costs as much as drawing it. After a good result, once a second is
     // enough.
     if (tested !== kindOf(header)) selfTest();
+    rested();
   },
   heard(message) {
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
@@ -267,6 +302,7 @@ function fillFacts() {
     Rate: rate() > 0 ? `${rate().toFixed(1)} frames/s` : "standing still",
     Server: `${(totalUs / 1000).toFixed(1)} ms, of that ${(renderUs / 1000).toFixed(1)} ms rendering`,
     Delay: servedMs === undefined ? "" : `a movement is shown ${servedMs.toFixed(1)} ms after it was sent`,
+    "At rest": atRest,
     Eyes: viewerWords(),
     Parallax: comfort ? comfortWords(comfort) : "",
     Preset: view?.state?.preset ?? "",

@@ -85,6 +85,18 @@ export function trackedEyes({ views, distance }, { left_mm: left, right_mm: righ
   return views === 1 ? [(seen(left) + seen(right)) / 2] : [seen(left), seen(right)];
 }
 
+/**
+ * The eyes that see on a display of the profile what these eyes see on the screen of the output: on a screen half as wide,
+ * eyes are twice as far apart in terms of its width. Within what the server takes.
+ */
+export function seenThrough(output, profile, eyes) {
+  const wider = PROFILES[profile].screenWidthMm / screenOf(output, profile).screenWidthMm;
+  return eyes.map((eye) => Math.max(-MOST_EYES, Math.min(MOST_EYES, eye * wider)));
+}
+
+/** Farthest place of an eye that the server renders, in eye separations. */
+const MOST_EYES = 16;
+
 /** The places of the eyes, from left to right and even, in eye separations; those of the tracked viewer where `tracked` is set. */
 export function eyesOf({ views, span, eye, tracked }) {
   if (tracked) return tracked;

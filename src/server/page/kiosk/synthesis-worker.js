@@ -16,6 +16,10 @@ const CALLS = {
     synthesis.take(size, layers, display);
     return drawn();
   },
+  give({ pixels }) {
+    synthesis.give(pixels);
+    return drawn();
+  },
   follow({ eyes }) {
     return synthesis.follow(eyes) ? drawn() : {};
   },

@@ -12,7 +12,7 @@ const USUAL_FACTOR = 64;
 /** Farthest place of an eye that is followed, in eye separations. */
 const MOST_EYES = 16;
 /** Texture units, in this order. */
-const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts", "frontSpans", "backSpans", "flats"];
+const TEXTURES = ["frontColor", "frontDepth", "backColor", "backDepth", "shifts", "frontSpans", "backSpans", "flats", "given"];
 
 /** Rounds half away from zero, as the server does. */
 const rounded = (value) => Math.sign(value) * Math.floor(Math.abs(value) + 0.5);
@@ -39,6 +39,8 @@ export class Synthesis {
   #reach = 1;
   /** Size, number of layers and header values of the picture that was taken last. */
   #picture = null;
+  /** Whether rendered views are shown in place of those of the picture. */
+  #isGiven = false;
 
   /** `output` is the result of `outputOf`; `profile` names a display. Draws on `canvas`. Throws where there is no WebGL2. */
   constructor(output, profile, canvas = document.createElement("canvas")) {
@@ -55,6 +57,7 @@ export class Synthesis {
     this.#frame = this.#program(FRAGMENT);
     this.#target = gl.createFramebuffer();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    this.#fillGiven([1, 1], new Uint8Array(4));
     gl.bindVertexArray(gl.createVertexArray());
   }
 
@@ -85,7 +88,7 @@ export class Synthesis {
   #texture(name, unit) {
     const gl = this.#gl;
     const texture = gl.createTexture();
-    const kind = name.endsWith("Spans") ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D;
+    const kind = name.endsWith("Spans") || name === "given" ? gl.TEXTURE_2D_ARRAY : gl.TEXTURE_2D;
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(kind, texture);
     for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(kind, key, gl.NEAREST);
@@ -96,6 +99,14 @@ export class Synthesis {
     const gl = this.#gl;
     gl.activeTexture(gl.TEXTURE0 + TEXTURES.indexOf(name));
     gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, format, type, values);
+  }
+
+  /** Rendered views, one above the other. */
+  #fillGiven([width, height], pixels) {
+    const gl = this.#gl;
+    gl.activeTexture(gl.TEXTURE0 + TEXTURES.indexOf("given"));
+    const count = pixels.length / (4 * width * height);
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8UI, width, height, count, 0, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, pixels);
   }
 
   /** The shifts of all eyes, when they have changed. */
@@ -115,6 +126,7 @@ export class Synthesis {
   /** Makes views for the eyes of this viewer from now on. Whether there is a picture, and the output follows a viewer. */
   follow(eyes) {
     const tracked = trackedEyes(this.output, eyes);
+    if (tracked) this.#isGiven = false;
     if (tracked) this.output.tracked = tracked.map((eye) => Math.max(-MOST_EYES, Math.min(MOST_EYES, eye)));
     return Boolean(tracked && this.#picture);
   }
@@ -162,6 +174,7 @@ export class Synthesis {
   take(size, layers, display) {
     const gl = this.#gl;
     this.#picture = { size, count: layers.length, display };
+    this.#isGiven = false;
     layers.forEach(({ color, depth }, at) => {
       const bytes = new Uint8Array(color.buffer, color.byteOffset, color.byteLength);
       this.#fill(["frontColor", "backColor"][at], size, [gl.RGBA8UI, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE], bytes);
@@ -173,6 +186,12 @@ export class Synthesis {
     }
   }
 
+  /** Takes rendered views of the picture for the eyes of now (RGBA, one above the other), until the picture or the eyes change. */
+  give(pixels) {
+    this.#fillGiven(this.#picture.size, new Uint8Array(pixels.buffer, pixels.byteOffset, pixels.byteLength));
+    this.#isGiven = true;
+  }
+
   /** The frame of the output for the eyes of now, as a canvas; after `take`. */
   draw() {
     const gl = this.#gl;
@@ -180,8 +199,10 @@ export class Synthesis {
     const { arrangement, grid, views, lens, isBgr, isSwapped } = this.output;
     const [width, height] = this.output.frame(size, grid);
     if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
-    this.#prepareShifts(size[0], display);
-    this.#prepareSpans(size, count);
+    if (!this.#isGiven) {
+      this.#prepareShifts(size[0], display);
+      this.#prepareSpans(size, count);
+    }
     const { program, places } = this.#frame;
     gl.useProgram(program);
     gl.uniform2i(places.sizePx, ...size);
@@ -191,6 +212,7 @@ export class Synthesis {
     gl.uniform1i(places.reach, this.#reach);
     gl.uniform1i(places.arrangement, arrangement);
     gl.uniform1i(places.viewCount, views);
+    gl.uniform1i(places.isGiven, Number(this.#isGiven));
     gl.uniform1i(places.isSwapped, Number(isSwapped));
     gl.uniform3f(places.lens, ...lens);
     gl.uniform2i(places.redBlue, isBgr ? 2 : 0, isBgr ? 0 : 2);

@@ -19,6 +19,12 @@ class OnPage {
     return this.#drawn(since);
   }
 
+  async give(pixels) {
+    const since = performance.now();
+    this.#synthesis.give(pixels);
+    return this.#drawn(since);
+  }
+
   async follow(eyes) {
     return this.#synthesis.follow(eyes) ? this.#drawn(performance.now()) : {};
   }
@@ -77,6 +83,10 @@ class InWorker {
     return this.#call("frame", { size, layers, display });
   }
 
+  give(pixels) {
+    return this.#call("give", { pixels });
+  }
+
   follow(eyes) {
     return this.#call("follow", { eyes });
   }
@@ -85,6 +95,7 @@ class InWorker {
 /**
  * The view synthesis of an address; throws where the address or the browser does not allow it. `frame(size, layers, display)` and
  * `follow(eyes)` give the picture and how long it took (`image`, `ms`); `follow` gives no picture where the output follows nobody.
+ * `give(pixels)` shows rendered views of the newest frame for the newest eyes, in the same arrangement.
  */
 export async function synthesizerOf(query, profile) {
   if (typeof Worker === "function" && typeof OffscreenCanvas === "function") {

@@ -96,6 +96,9 @@ uniform isampler2DArray frontSpans;
 uniform isampler2DArray backSpans;
 // Blocks of one disparity: see FLATS.
 uniform usampler2D flats;
+// Views that were rendered, where there are any: they are shown as they are.
+uniform highp usampler2DArray given;
+uniform bool isGiven;
 uniform ivec2 sizePx;
 uniform bool hasBack;
 // Whole pixels that a disparity moves at most.
@@ -309,6 +312,7 @@ ivec3 flatPixel(ivec2 at) {
 ivec3 pixelOf(int viewNumber, ivec2 at) {
   view = isSwapped ? viewCount - 1 - viewNumber : viewNumber;
   row = at.y;
+  if (isGiven) return ivec3(texelFetch(given, ivec3(at, view), 0).rgb);
   if (texelFetch(flats, ivec2(at.x / ${BLOCK_PX}, row), 0).r == 1u) return flatPixel(at);
   int from = at.x * UNIT;
   int end = from + UNIT;

@@ -1,0 +1,46 @@
+//! The cameras of the eyes that look at a display: beside the camera of a picture, converging on
+//! the plane of the screen.
+//!
+//! Spaces: eyes are in eye separations to the right of the middle, depth is view depth in mm.
+
+use relief_base::DepthLimits;
+use relief_display::{DisplaySettings, SettingsError, TrueViews};
+use relief_volume::{Camera, CameraError};
+
+/// Why a picture has no views beside it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TrueViewsError {
+    /// A setting of the display is out of range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The depth that the display shows on its screen is not before the camera.
+    #[error("the plane of the screen is behind the camera: set near_mm and far_mm, or another offset")]
+    ScreenBehindCamera,
+    /// The camera has no eye.
+    #[error("true views need a perspective: a parallel projection has no eye to be moved")]
+    Parallel(#[source] CameraError),
+}
+
+/// Where the plane of the screen lies before a camera, and how far apart eyes are there.
+///
+/// # Errors
+/// When the settings are invalid, or that plane is behind the camera.
+pub fn true_views(
+    display: &DisplaySettings,
+    camera: &Camera,
+    size_px: [u32; 2],
+    limits: DepthLimits,
+) -> Result<TrueViews, TrueViewsError> {
+    let [half_width, _] = camera.half_extent(size_px);
+    let parallax = display.encoder()?.parallax(size_px[0]);
+    parallax.true_views(limits, half_width, size_px[0]).ok_or(TrueViewsError::ScreenBehindCamera)
+}
+
+/// The cameras of these eyes before the screen that `setup` describes.
+///
+/// # Errors
+/// In a parallel projection, whose eye is nowhere.
+pub fn eye_cameras(setup: &TrueViews, camera: &Camera, eyes: &[f64]) -> Result<Vec<Camera>, TrueViewsError> {
+    let beside = |eye: &f64| camera.seen_from_beside(eye * setup.baseline_mm, setup.converging_mm);
+    eyes.iter().map(|eye| beside(eye).map_err(TrueViewsError::Parallel)).collect()
+}
