@@ -75,6 +75,18 @@ impl ServerAddress {
         self.is_encrypted
     }
 
+    /// Host and port, as in the header `Host`.
+    #[cfg(feature = "window")]
+    pub(super) fn authority(&self) -> String {
+        format!("{}:{}", self.host, self.port)
+    }
+
+    /// A path of the server, behind that of a proxy.
+    #[cfg(feature = "window")]
+    pub(super) fn path(&self, path: &str) -> String {
+        format!("{}{path}", self.base)
+    }
+
     /// The address of a live session. It names view and volume for a proxy before several servers,
     /// which cannot read the hello; a single server ignores it.
     #[must_use]

@@ -3,9 +3,13 @@
 use std::sync::Arc;
 
 use super::link::Received;
+#[cfg(feature = "window")]
+use relief_display::Views;
 use relief_display::{
     DisplayProfile, Frame, Header, HeaderReading, Layout, Pixels, ProcessorViews, Synthesize, tracked_eyes,
 };
+#[cfg(feature = "window")]
+use relief_live::EyeViewLimits;
 use relief_live::{
     ComposeError, Eyes, FrameError, FrameHeader, LiveLayout, ReceiveError, ReceivedFrame, ReceivedLayers,
     ViewsOutput,
@@ -18,6 +22,9 @@ pub struct Composer {
     asked: Option<Header>,
     views: Option<ViewsOutput>,
     maker: Arc<dyn Synthesize>,
+    /// Whether views that the server renders replace its own while nothing moves.
+    #[cfg(feature = "window")]
+    rests_true: bool,
     /// From where a viewer sees the display's own parallax, mm.
     distance_mm: f64,
 }
@@ -45,6 +52,9 @@ pub enum PictureError {
     /// It is whole, but not for a display.
     #[error(transparent)]
     Compose(#[from] ComposeError),
+    /// Rendered views have another size or number than was asked for.
+    #[error("the server's views of a picture at rest have another size or number")]
+    NoViews,
 }
 
 impl Composer {
@@ -53,13 +63,28 @@ impl Composer {
     #[must_use]
     pub fn new(curve: DisplayProfile, asked: Option<Header>) -> Self {
         let distance_mm = 2.0 * curve.screen_width_mm();
-        Self { curve, asked, views: None, maker: Arc::new(ProcessorViews), distance_mm }
+        Self {
+            curve,
+            asked,
+            views: None,
+            maker: Arc::new(ProcessorViews),
+            #[cfg(feature = "window")]
+            rests_true: true,
+            distance_mm,
+        }
     }
 
     /// The same composer for a display that takes views: `maker` makes them here.
     #[must_use]
     pub fn with_views(self, output: ViewsOutput, maker: Arc<dyn Synthesize>) -> Self {
         Self { views: Some(output), maker, ..self }
+    }
+
+    /// The same composer, which shows synthesised views of a picture at rest, too.
+    #[cfg(feature = "window")]
+    #[must_use]
+    pub fn with_synthesised_rest(self) -> Self {
+        Self { rests_true: false, ..self }
     }
 
     /// The same composer for viewers at this distance from the screen, mm; twice the width of the
@@ -107,10 +132,52 @@ impl Composer {
         layers: &ReceivedLayers,
         eyes: Option<&Eyes>,
     ) -> Result<Composed, PictureError> {
-        let tracked_eyes = eyes.map(|eyes| tracked_eyes(eyes.left_mm, eyes.right_mm, self.distance_mm));
-        let output = ViewsOutput { tracked_eyes, ..*output };
+        let output = self.tracked(output, eyes);
         let frame = layers.compose_views(&self.curve, &output, self.maker.as_ref())?;
         Ok(Composed { header: layers.header, layout: output.layout, frame, header_problem: None })
+    }
+
+    /// The eyes for which a server renders views of a frame at rest; `None` where the views of this
+    /// composer stay.
+    #[cfg(feature = "window")]
+    pub(crate) fn eyes_at_rest(
+        &self,
+        output: &ViewsOutput,
+        layers: &ReceivedLayers,
+        eyes: Option<&Eyes>,
+    ) -> Option<Vec<f64>> {
+        let eyes = layers.eyes(&self.curve, &self.tracked(output, eyes)).ok()?;
+        let size_px = layers.header.full_px.map(u32::from);
+        let is_rendered = self.rests_true
+            && layers.header.still
+            && EyeViewLimits::allow_eyes(&eyes)
+            && EyeViewLimits::allow_size(size_px, eyes.len());
+        is_rendered.then_some(eyes)
+    }
+
+    /// The display's frame of views that the server has rendered: `stacked` has one above the other.
+    #[cfg(feature = "window")]
+    pub(crate) fn rendered(
+        &self,
+        output: &ViewsOutput,
+        header: FrameHeader,
+        stacked: &Frame,
+    ) -> Result<Composed, PictureError> {
+        let size_px = header.full_px.map(u32::from);
+        let Pixels::Rgb8(samples) = stacked.pixels() else { return Err(PictureError::NoViews) };
+        let pixels = samples.as_chunks::<3>().0.chunks_exact(size_px[0] as usize * size_px[1] as usize);
+        if stacked.size_px()[0] != size_px[0] || pixels.len() != output.layout.view_count() {
+            return Err(PictureError::NoViews);
+        }
+        let views = Views::new(size_px, pixels.map(<[_]>::to_vec).collect()).map_err(ComposeError::from)?;
+        let frame = output.layout.frame_of_views(&views, &output.panel).map_err(ComposeError::from)?;
+        Ok(Composed { header, layout: output.layout, frame, header_problem: None })
+    }
+
+    /// The output for the eyes of a tracked viewer, if there are any.
+    fn tracked(&self, output: &ViewsOutput, eyes: Option<&Eyes>) -> ViewsOutput {
+        let tracked_eyes = eyes.map(|eyes| tracked_eyes(eyes.left_mm, eyes.right_mm, self.distance_mm));
+        ViewsOutput { tracked_eyes, ..*output }
     }
 
     /// The views that it makes; `None` where the display takes the frames themselves.

@@ -14,6 +14,8 @@ mod address;
 mod backoff;
 mod compose;
 mod error;
+#[cfg(feature = "window")]
+mod eye_views;
 mod handle;
 mod journal;
 mod link;

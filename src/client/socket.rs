@@ -40,11 +40,7 @@ pub(super) async fn open(
     first: &Hello,
     hello: &Hello,
 ) -> Result<(Socket, Box<Welcome>), ClientError> {
-    let stream = reach(server).await?;
-    let secured = timeout(CONNECT, access.secured(server, stream)).await;
-    let insecure = |reason: String| ClientError::Insecure { server: server.clone(), reason };
-    let secured = secured.map_err(|_| insecure("no answer to the TLS handshake".to_owned()))?;
-    let stream = secured.map_err(|error| insecure(error.to_string()))?;
+    let stream = secured(server, access).await?;
     let mut socket = upgrade(server, access, first, stream).await?;
     let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
     let text = ClientMessage::Hello(Box::new(hello.clone())).to_text();
@@ -52,6 +48,15 @@ pub(super) async fn open(
     let answered = timeout(WELCOME, welcome(server, &mut socket)).await;
     let welcome = answered.map_err(|_| lost(format!("no welcome within {} s", WELCOME.as_secs())))??;
     Ok((socket, welcome))
+}
+
+/// A connection to the server, encrypted if the server is.
+pub(super) async fn secured(server: &ServerAddress, access: &Access) -> Result<Stream, ClientError> {
+    let stream = reach(server).await?;
+    let secured = timeout(CONNECT, access.secured(server, stream)).await;
+    let insecure = |reason: String| ClientError::Insecure { server: server.clone(), reason };
+    let secured = secured.map_err(|_| insecure("no answer to the TLS handshake".to_owned()))?;
+    secured.map_err(|error| insecure(error.to_string()))
 }
 
 async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
@@ -144,7 +149,7 @@ async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welc
 }
 
 /// The detail of a problem document.
-fn detail(problem: &Value) -> String {
+pub(super) fn detail(problem: &Value) -> String {
     let word = |key: &str| problem.get(key).and_then(Value::as_str);
     shown(word("detail").or_else(|| word("title")).unwrap_or("without a reason"))
 }

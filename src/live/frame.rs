@@ -265,13 +265,25 @@ impl ReceivedLayers {
         output: &ViewsOutput,
         maker: &dyn Synthesize,
     ) -> Result<Frame, ComposeError> {
-        let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
-        let encoder = encoder.with_view_span(output.view_span).with_tracked_eyes(output.tracked_eyes);
+        let encoder = self.encoder(curve, output)?;
         let size_px = self.header.full_px.map(u32::from);
         output.layout.check_size(size_px)?;
         let parallax = encoder.parallax(size_px[0]);
         let views = maker.views(size_px, &self.front, self.back.as_ref(), &parallax, &encoder.eyes())?;
         Ok(output.layout.frame_of_views(&views, &output.panel)?)
+    }
+
+    /// The eyes of the output's views, in eye separations to the right of the middle.
+    ///
+    /// # Errors
+    /// When the display's header is invalid.
+    pub fn eyes(&self, curve: &DisplayProfile, output: &ViewsOutput) -> Result<Vec<f64>, ComposeError> {
+        Ok(self.encoder(curve, output)?.eyes())
+    }
+
+    fn encoder(&self, curve: &DisplayProfile, output: &ViewsOutput) -> Result<FrameEncoder, ComposeError> {
+        let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
+        Ok(encoder.with_view_span(output.view_span).with_tracked_eyes(output.tracked_eyes))
     }
 }
 

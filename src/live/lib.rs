@@ -10,6 +10,7 @@
 
 mod codec;
 mod describe;
+mod eye_views;
 mod format;
 mod frame;
 mod header;
@@ -18,6 +19,7 @@ mod messages;
 
 pub use codec::{CodecError, decode_color, decode_d8, decode_z16, encode_color, encode_d8, encode_z16};
 pub use describe::{layouts_script, protocol};
+pub use eye_views::{EyeViewLimits, EyeViewQuality};
 pub use format::{ColorFormat, DepthFormat, LiveLayout};
 pub use frame::{
     ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,

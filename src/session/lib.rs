@@ -39,9 +39,9 @@ pub use encode::{EncodingError, FileFormat, Product, encode};
 pub use engine::{Engine, RenderObserver};
 pub use label_maps::{LabelsError, PlacedLabels, load_labels, most_label_voxels};
 pub use live::{
-    Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, EyeViewQuality,
-    EyeViews, Flow, HeldPoint, LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View,
-    ViewFrame, Viewer, Views, lock, micros, search_preview,
+    Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, EyeViews, Flow,
+    HeldPoint, LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer,
+    Views, lock, micros, search_preview,
 };
 pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};

@@ -19,6 +19,7 @@ fn invalid_arguments_are_refused_with_the_allowed_values() {
     for (more, status, expected) in [
         (&["--look", "1"][..], 2, "AZIMUTH,ELEVATION"),
         (&["--view", "a b"], 2, "letters, digits"),
+        (&["--rest", "true"], 2, "--headless"),
         (&["--measure", "0"], 2, "0.1 to 3600 s"),
         (&["--layout", "depth16"], 1, "no picture with disparity"),
         (&["--role", "watcher", "--preset", "bone"], 1, "a watcher sees what presenters show"),
@@ -79,6 +80,8 @@ fn a_missing_display_gives_an_error_without_source_paths() {
     let errors = text(&output.stderr);
     assert!(!output.status.success() && errors.contains("no window can be opened"), "{errors}");
     assert!(!errors.contains(".rs"), "{errors}");
+    let output = command.args(["--rest", "synthesised"]).output().unwrap();
+    assert!(text(&output.stderr).contains("--rest is for layouts of views"), "{}", text(&output.stderr));
 }
 
 /// Looks at a view with 16-bit Z, and compares the depth where the cursor is with a ball around it.

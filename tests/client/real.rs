@@ -88,6 +88,19 @@ impl Serving {
         answer.split_off(end + 4)
     }
 
+    /// Posts JSON; the answer has to be 200.
+    pub(crate) fn post(&self, path: &str, body: &str) {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
+        let head = format!("POST {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n", self.address);
+        let length = body.len();
+        write!(stream, "{head}Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}")
+            .unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        assert!(answer.starts_with(b"HTTP/1.1 200"), "{}", text(&answer));
+    }
+
     /// Waits for the series; gives its id.
     pub(crate) fn ready(&self) -> String {
         let since = Instant::now();

@@ -152,6 +152,7 @@ fn views_in_the_window_follow_tracked_eyes() {
     let started = relief(&["client", "--server", &serving.url(), "--eyes", &source])
         .args(["--display-geometry", geometry.to_str().unwrap()])
         .args(size)
+        .args(["--rest", "synthesised"])
         .env("DISPLAY", &x.display)
         .env_remove("WAYLAND_DISPLAY")
         .spawn();
@@ -195,6 +196,47 @@ fn views_in_the_window_follow_tracked_eyes() {
     let mut said = String::new();
     std::io::Read::read_to_string(&mut errors, &mut said).unwrap();
     assert!(said.contains("views followed the eyes ") && said.contains(" ms after they came"), "{said}");
+}
+
+/// Invariant: The window shows rendered views of a picture at rest: those of `relief render --views true`, byte by
+/// byte.
+#[test]
+fn views_of_a_picture_at_rest_come_from_the_server() {
+    let Some(x) = Xvfb::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let series = phantom(folder.path());
+    let out = folder.path().join("true.png");
+    let scene = ["--azimuth-deg", "30", "--elevation-deg", "10", "--zoom", "1.2", "--frame", "tissue"];
+    let looks = ["--layout", "lines", "--size", "400x300", "--preset", "bone"];
+    let render = |views: &str| {
+        let made = relief(&["render", "--series", &series, "--views", views, "--out", out.to_str().unwrap()])
+            .args(scene)
+            .args(looks)
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{}", text(&made.stderr));
+        pixels(&std::fs::read(&out).unwrap()).2
+    };
+    let (exact, made) = (render("true"), render("synthesised"));
+    assert!(exact != made, "views that are rendered differ");
+    let serving = Serving::start(&series, "127.0.0.1:0");
+    serving.ready();
+    let started = relief(&["client", "--server", &serving.url(), "--view", "desk", "--look", "30,10,1.2"])
+        .args(looks)
+        .env("DISPLAY", &x.display)
+        .env_remove("WAYLAND_DISPLAY")
+        .spawn();
+    let _client = Client(started.unwrap());
+    let corner = |screen: &[u8]| {
+        screen.chunks_exact(3 * 1920).take(300).flat_map(|row| &row[..3 * 400]).copied().collect::<Vec<u8>>()
+    };
+    until(&x, Duration::from_secs(60), |screen| corner(screen) == exact);
+    // It stays, and a movement ends it.
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(corner(&x.screen()) == exact);
+    serving.post("/v1/session/desk/intent", r#"{"intent":"orbit","azimuth_deg":25}"#);
+    let moved = until(&x, Duration::from_secs(60), |screen| corner(screen) != exact);
+    assert!(corner(&moved).iter().any(|value| *value > 60));
 }
 
 /// Soon afterwards a line of text takes its place: the picture may be of another patient by now.

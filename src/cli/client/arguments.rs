@@ -257,6 +257,16 @@ pub(crate) enum Part {
     Watcher,
 }
 
+/// The views of a picture at rest.
+#[cfg(feature = "window")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum RestChoice {
+    /// Rendered by the server, for at most 16 views
+    True,
+    /// Made by this client
+    Synthesised,
+}
+
 #[cfg(feature = "window")]
 #[derive(Debug, clap::Args)]
 pub(crate) struct WindowArguments {
@@ -269,6 +279,10 @@ pub(crate) struct WindowArguments {
     /// Which monitor, from 0, from left to right
     #[arg(long, value_name = "N", conflicts_with = "headless")]
     pub(crate) monitor: Option<usize>,
+    /// Views of a picture at rest, for layouts of views: true, which the server renders, or synthesised,
+    /// which this client makes [default: true]
+    #[arg(long, value_enum, value_name = "WHICH", conflicts_with = "headless")]
+    pub(crate) rest: Option<RestChoice>,
     /// Never draw marks of state into the picture's lower left corner; a picture that is out of date is
     /// replaced by text even so
     #[arg(long, conflicts_with = "headless")]

@@ -2,13 +2,15 @@
 
 use std::time::Duration;
 
-use crate::client::arguments::{self, ClientArguments};
+use anyhow::bail;
+
+use crate::client::arguments::{self, ClientArguments, RestChoice};
 use crate::client::eyes;
 use crate::client::remote::Tracking;
 use crate::client::session::Session;
 use crate::client::watch::{LinkLog, Recorder};
 use crate::stop::stop_signal;
-use relief_client::{Event, Handle, Lettering, LinkState, Screen, Window, WindowOptions};
+use relief_client::{Composer, Event, Handle, Lettering, LinkState, Screen, Window, WindowOptions};
 use relief_live::{OrbitPose, PoseKind, Role};
 use relief_render::{TextMask, text_mask};
 
@@ -23,24 +25,11 @@ pub(crate) fn run(
     recorder: Recorder,
     runtime: &tokio::runtime::Runtime,
 ) -> anyhow::Result<()> {
+    let composer = composer(session, arguments.window.rest)?;
     let window = Window::new()?;
     let screen = window.screen();
     eyes::start(&arguments.eyes, handle, Box::new(move |eyes| screen.follow(eyes)))?;
-    let arguments::WindowArguments { fullscreen, windowed, monitor, clean } = arguments.window;
-    let (host, port) = session.options.server.target();
-    let options = WindowOptions {
-        fullscreen: fullscreen && !windowed,
-        monitor,
-        clean,
-        layout: session.layout,
-        frame_px: session.frame_px,
-        presents: session.options.hello.role == Role::Presenter,
-        waiting: format!("waiting for {host}:{port}"),
-        lettering: |text, height_px| {
-            let TextMask { size_px, coverage } = text_mask(text, height_px);
-            Lettering { size_px, coverage }
-        },
-    };
+    let options = window_options(arguments, session);
     let recorder = std::sync::Arc::new(recorder);
     let running = {
         let live = Live {
@@ -62,6 +51,7 @@ pub(crate) fn run(
                 tokio::select! {
                     () = signal => live.handle.stop(),
                     () = tell_tracking(&tracking, &live.screen) => {}
+                    () = live.screen.show_rendered_views(&options) => {}
                 }
                 std::future::pending::<()>().await;
             };
@@ -73,7 +63,7 @@ pub(crate) fn run(
             outcome
         })
     };
-    let followed = window.show(options, handle, session.composer.clone())?;
+    let followed = window.show(options, handle, composer)?;
     if let Some(mean) = followed.mean() {
         let [mean, longest] = [mean, followed.longest].map(|time| 1e3 * time.as_secs_f64());
         eprintln!(
@@ -84,6 +74,33 @@ pub(crate) fn run(
     let linked = runtime.block_on(running)?;
     recorder.finish()?;
     Ok(linked?)
+}
+
+/// The composer of the window, with the views of a picture at rest that were chosen.
+fn composer(session: &Session, rest: Option<RestChoice>) -> anyhow::Result<Composer> {
+    if rest.is_some() && session.layout.view_count() == 0 {
+        bail!("--rest is for layouts of views, such as stereo or views-9; this one is {}", session.layout);
+    }
+    let composer = session.composer.clone();
+    Ok(if rest == Some(RestChoice::Synthesised) { composer.with_synthesised_rest() } else { composer })
+}
+
+fn window_options(arguments: &ClientArguments, session: &Session) -> WindowOptions {
+    let &arguments::WindowArguments { fullscreen, windowed, monitor, clean, .. } = &arguments.window;
+    let (host, port) = session.options.server.target();
+    WindowOptions {
+        fullscreen: fullscreen && !windowed,
+        monitor,
+        clean,
+        layout: session.layout,
+        frame_px: session.frame_px,
+        presents: session.options.hello.role == Role::Presenter,
+        waiting: format!("waiting for {host}:{port}"),
+        lettering: |text, height_px| {
+            let TextMask { size_px, coverage } = text_mask(text, height_px);
+            Lettering { size_px, coverage }
+        },
+    }
 }
 
 /// Passes the state of tracking to the window, where the client tracks.

@@ -4,13 +4,16 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use tokio::sync::watch;
 use winit::event_loop::EventLoopProxy;
 
 use super::SessionEvent;
+use super::rest::{self, AtRest};
 use crate::compose::{Composed, Composer, PictureError};
 use crate::handle::Handle;
-use crate::link::{Event, LinkState, Received};
+use crate::link::{Event, LinkState, Options, Received};
 use crate::marks::Marks;
+use relief_display::Frame;
 use relief_live::{Eyes, ReceivedLayers, ServerMessage};
 use relief_tracking::TrackingState;
 
@@ -24,12 +27,18 @@ pub struct Screen {
 struct WindowState {
     newest: Mutex<Newest>,
     changed: Condvar,
+    /// The picture that the window shows, while nothing moves.
+    resting: watch::Sender<Option<AtRest>>,
 }
 
 #[derive(Default)]
 struct Newest {
     frame: Option<Received>,
     eyes: Option<NewEyes>,
+    /// Views that the server has rendered of what the window showed under this number.
+    rendered: Option<(u64, Frame)>,
+    /// Name of the live view.
+    view: Option<String>,
     /// Whether a tracker of this machine reports the eyes: those of the server are its echo.
     has_tracker: bool,
     marks: Marks,
@@ -43,15 +52,21 @@ struct NewEyes {
     since: Instant,
 }
 
-/// What there is to compose: a frame, or the last one anew for other eyes.
+/// What there is to compose: a frame, or the last one anew for other eyes or of rendered views.
 struct Work {
     frame: Option<Received>,
     eyes: Option<NewEyes>,
+    rendered: Option<(u64, Frame)>,
+    view: Option<String>,
 }
 
 impl Screen {
     pub(super) fn new(wake: EventLoopProxy<SessionEvent>) -> Self {
-        let shared = Arc::new(WindowState { newest: Mutex::default(), changed: Condvar::new() });
+        let shared = Arc::new(WindowState {
+            newest: Mutex::default(),
+            changed: Condvar::new(),
+            resting: watch::Sender::new(None),
+        });
         Self { shared, wake }
     }
 
@@ -69,6 +84,9 @@ impl Screen {
             Event::State(state) => {
                 let offline = !matches!(state, LinkState::Connected { .. } | LinkState::Heard);
                 self.mark(|marks| marks.offline = offline);
+                if let LinkState::Connected { view, .. } = state {
+                    self.newest().view = Some(view.clone());
+                }
                 let _ = self.wake.send_event(SessionEvent::Link(state.clone())); // fails when the window is gone
             }
             Event::Message(message) => match message.as_ref() {
@@ -85,6 +103,16 @@ impl Screen {
     pub fn follow(&self, eyes: Eyes) {
         self.newest().has_tracker = true;
         self.put_eyes(eyes);
+    }
+
+    /// Replaces the display's own views of a picture at rest with views that the server renders, until
+    /// the window is gone. Run it beside the session.
+    pub async fn show_rendered_views(&self, options: &Options) {
+        let show = |shown, stacked| {
+            self.newest().rendered = Some((shown, stacked));
+            self.shared.changed.notify_all();
+        };
+        rest::serve(self.shared.resting.subscribe(), options, show).await;
     }
 
     fn put_eyes(&self, eyes: Eyes) {
@@ -122,14 +150,23 @@ impl Screen {
     /// Composes the newest frame whenever there is one, and anew for other eyes. Frames that were
     /// overtaken are acknowledged with the next.
     pub(super) fn compose_all(&self, composer: &Composer, handle: &Handle) {
-        let mut composing = Composing { composer, layers: None, eyes: None };
-        while let Some(Work { frame, eyes }) = self.next_work() {
+        let mut composing = Composing { composer, layers: None, eyes: None, shown: 0 };
+        while let Some(Work { frame, eyes, rendered, view }) = self.next_work() {
             composing.eyes = eyes.map(|new| new.eyes).or(composing.eyes);
-            let event = match (frame, eyes) {
-                (Some(received), _) => composing.frame(&received, handle),
-                (None, Some(new)) => composing.follow(new.since),
-                (None, None) => None,
+            let is_other = frame.is_some() || eyes.is_some();
+            if is_other {
+                composing.shown += 1;
+                self.shared.resting.send_replace(None);
+            }
+            let event = match (frame, eyes, rendered) {
+                (Some(received), ..) => composing.frame(&received, handle),
+                (None, Some(new), _) => composing.follow(new.since),
+                (None, None, Some((shown, stacked))) => composing.rendered(shown, &stacked),
+                (None, None, None) => None,
             };
+            if is_other && let Some(at_rest) = view.and_then(|view| composing.at_rest(view)) {
+                self.shared.resting.send_replace(Some(at_rest));
+            }
             if event.is_some_and(|event| self.wake.send_event(event).is_err()) {
                 return; // the window is gone
             }
@@ -142,8 +179,13 @@ impl Screen {
             if newest.stopped {
                 return None;
             }
-            let work = Work { frame: newest.frame.take(), eyes: newest.eyes.take() };
-            if work.frame.is_some() || work.eyes.is_some() {
+            let work = Work {
+                frame: newest.frame.take(),
+                eyes: newest.eyes.take(),
+                rendered: newest.rendered.take(),
+                view: newest.view.clone(),
+            };
+            if work.frame.is_some() || work.eyes.is_some() || work.rendered.is_some() {
                 return Some(work);
             }
             newest = self.shared.changed.wait(newest).unwrap_or_else(PoisonError::into_inner);
@@ -154,9 +196,11 @@ impl Screen {
 /// Composes frames for the newest eyes.
 struct Composing<'a> {
     composer: &'a Composer,
-    /// What the views of the newest frame are made of, where they follow eyes.
+    /// What the views of the newest frame are made of.
     layers: Option<ReceivedLayers>,
     eyes: Option<Eyes>,
+    /// Counts frames and eyes.
+    shown: u64,
 }
 
 impl Composing<'_> {
@@ -178,16 +222,45 @@ impl Composing<'_> {
     }
 
     fn composed(&mut self, received: &Received) -> Result<Composed, PictureError> {
-        let Some(output) = self.composer.output().filter(|_| self.composer.follows_eyes()) else {
-            return self.composer.compose(received);
-        };
-        let layers = self.layers.insert(self.composer.layers(output, received)?);
-        self.composer.views(output, layers, self.eyes.as_ref())
+        let Some(output) = self.composer.output() else { return self.composer.compose(received) };
+        self.layers = Some(self.composer.layers(output, received)?);
+        let layers = self.layers.as_ref().expect("set above");
+        self.composer.views(output, layers, self.followed())
+    }
+
+    /// The eyes that views follow.
+    fn followed(&self) -> Option<&Eyes> {
+        self.eyes.as_ref().filter(|_| self.composer.follows_eyes())
+    }
+
+    /// The newest frame, if the server renders its views.
+    fn at_rest(&self, view: String) -> Option<AtRest> {
+        let (output, layers) = (self.composer.output()?, self.layers.as_ref()?);
+        let eyes = self.composer.eyes_at_rest(output, layers, self.followed())?;
+        Some(AtRest { view, eyes, shown: self.shown })
+    }
+
+    /// Rendered views, if the window still shows what they were rendered for.
+    fn rendered(&self, shown: u64, stacked: &Frame) -> Option<SessionEvent> {
+        let (output, layers) = (self.composer.output()?, self.layers.as_ref()?);
+        if shown != self.shown {
+            return None;
+        }
+        match self.composer.rendered(output, layers.header, stacked) {
+            Ok(composed) => Some(SessionEvent::Rendered(Box::new(composed))),
+            Err(error) => {
+                tracing::warn!(%error, "rendered views are left out");
+                None
+            }
+        }
     }
 
     /// The newest frame for other eyes, which came then; `None` before the first frame, and where
     /// views do not follow eyes.
     fn follow(&self, since: Instant) -> Option<SessionEvent> {
+        if !self.composer.follows_eyes() {
+            return None;
+        }
         let views = self.composer.views(self.composer.output()?, self.layers.as_ref()?, self.eyes.as_ref());
         match views {
             Ok(composed) => Some(SessionEvent::Followed(since, Box::new(composed))),

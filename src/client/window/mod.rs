@@ -12,6 +12,7 @@ mod follow;
 mod freshness;
 mod input;
 mod notice;
+mod rest;
 mod screen;
 
 use std::time::Instant;
@@ -79,6 +80,8 @@ pub enum WindowError {
 enum SessionEvent {
     /// A frame of this connection was composed.
     Frame(u64, Box<Composed>),
+    /// The newest frame was composed of views that the server has rendered.
+    Rendered(Box<Composed>),
     /// The newest frame was composed anew for eyes that came then.
     Followed(Instant, Box<Composed>),
     /// Marks may have changed.

@@ -224,6 +224,7 @@ impl ApplicationHandler<SessionEvent> for App {
                     self.fit(frame_px);
                 }
             }
+            SessionEvent::Rendered(composed) => self.frame = Some(composed.frame),
             SessionEvent::Followed(since, composed) => {
                 self.frame = Some(composed.frame);
                 self.following.get_or_insert(since);

@@ -13,15 +13,9 @@ use super::plain::{PlainViewer, RELIEF_FRAME, find_view, query};
 use crate::identity::Caller;
 use crate::problem::Problem;
 use crate::state::{LiveParts, Pictures};
-use relief_display::{Frame, MAX_FRAME_SIDE_PX, Pixels, encode_png};
-use relief_session::{EyeViewQuality, EyeViews, ViewFrame};
-
-/// Most eyes of one request.
-const MOST_EYES: usize = 16;
-/// Farthest eye from the middle, eye separations.
-const FARTHEST_EYE: f64 = 16.0;
-/// Most pixels of all views of one answer.
-const MOST_PIXELS: u64 = 1 << 24;
+use relief_display::{Frame, Pixels, encode_png};
+use relief_live::{EyeViewLimits, EyeViewQuality};
+use relief_session::{EyeViews, ViewFrame};
 
 /// How long the view may take to come to rest.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -33,15 +27,7 @@ struct ViewsQuery {
     eyes: String,
     frame: Option<u64>,
     #[serde(default)]
-    quality: Quality,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Quality {
-    Refined,
-    #[default]
-    True,
+    quality: EyeViewQuality,
 }
 
 /// `GET /v1/session/{view}/views`.
@@ -71,18 +57,16 @@ pub(crate) async fn eye_views(
     let is_wanted = |newest: &Arc<ViewFrame>| number.is_none_or(|number| number == newest.number);
     let Some(frame) = newest.filter(is_wanted) else { return Ok(moved()) };
     let [width, height] = frame.frame.size_px;
-    let rows = height.saturating_mul(u32::try_from(eyes.len()).unwrap_or(u32::MAX));
-    if u64::from(width) * u64::from(rows) > MOST_PIXELS || rows > MAX_FRAME_SIDE_PX {
+    if !EyeViewLimits::allow_size(frame.frame.size_px, eyes.len()) {
         let detail = format!(
-            "eyes are {}, for views of {width}x{height}; allowed: {MOST_PIXELS} pixels in {MAX_FRAME_SIDE_PX} rows",
-            eyes.len()
+            "eyes are {}, for views of {width}x{height}; allowed: {} pixels in {} rows",
+            eyes.len(),
+            EyeViewLimits::PIXELS,
+            EyeViewLimits::ROWS
         );
         return Err(out_of_range(detail));
     }
-    let quality = match quality {
-        Quality::Refined => EyeViewQuality::Refined,
-        Quality::True => EyeViewQuality::True,
-    };
+    let rows = height * eyes.len() as u32;
     let asked = EyeViews { frame: &frame, eyes: &eyes, quality, caller: key };
     let Some(views) = asked.render(&engine, &view).await? else { return Ok(moved()) };
     let encode = move || {
@@ -100,14 +84,15 @@ pub(crate) async fn eye_views(
 
 fn eyes_of(text: &str) -> Result<Vec<f64>, Problem> {
     let eyes: Result<Vec<f64>, _> = text.split(',').map(|eye| eye.trim().parse::<f64>()).collect();
-    let is_near = |eye: &f64| (-FARTHEST_EYE..=FARTHEST_EYE).contains(eye);
     match eyes {
-        Ok(eyes) if eyes.len() <= MOST_EYES && eyes.iter().all(is_near) => Ok(eyes),
+        Ok(eyes) if EyeViewLimits::allow_eyes(&eyes) => Ok(eyes),
         _ => {
             let found: String = text.chars().take(100).collect();
             Err(out_of_range(format!(
-                "eyes is {found}, allowed: 1 to {MOST_EYES} numbers from {} to {FARTHEST_EYE} with commas between them",
-                -FARTHEST_EYE
+                "eyes is {found}, allowed: 1 to {} numbers from {far} to {} with commas between them",
+                EyeViewLimits::EYES,
+                EyeViewLimits::FARTHEST,
+                far = -EyeViewLimits::FARTHEST
             )))
         }
     }

@@ -11,16 +11,8 @@ use crate::ServiceError;
 use crate::engine::Engine;
 use crate::true_views::{eye_cameras, true_views};
 use relief_display::{Picture, synthesize};
+use relief_live::EyeViewQuality;
 use relief_render::{Refinement, RenderRequest, RenderedFrame};
-
-/// How the view of an eye is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EyeViewQuality {
-    /// Of the picture, and a share of it rendered where the picture does not show enough.
-    Refined,
-    /// All of it rendered.
-    True,
-}
 
 /// Views of a picture at rest.
 pub struct EyeViews<'a> {

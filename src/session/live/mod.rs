@@ -26,7 +26,7 @@ mod views;
 
 pub use effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
 pub use error::LiveError;
-pub use eye_views::{EyeViewQuality, EyeViews};
+pub use eye_views::EyeViews;
 pub use frame::{Echo, EncodedParts, ViewFrame, micros};
 pub use motion::Delays;
 pub use pace::{Pace, USUAL_QUALITY};
