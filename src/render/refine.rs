@@ -18,7 +18,7 @@ use super::frame::RenderedFrame;
 const SPREAD: usize = 5;
 /// Rounds after the first.
 const ROUNDS: u32 = 2;
-/// Counts of errors without regard to contrast, beside those by contrast.
+/// Weight of errors without regard to contrast, beside those by contrast.
 const FLAT_SHARE: f32 = 0.3;
 
 /// A warped view on its way to a better one.

@@ -134,9 +134,9 @@ pub struct RenderRequest {
     /// How the segments of a label map are shown; `None` where all of the volume is shown alike.
     /// Shared, as it may be large.
     pub labels: Option<Arc<Labels>>,
-    /// The blocks of pixels that are cast; `None` for all. The processor's ray caster obeys for
-    /// pictures without overlays, letters and smaller sizes; others are whole, as
-    /// [`super::RenderedFrame::is_partial`] says.
+    /// The blocks of pixels that are cast; `None` for all. Only the processor's ray caster leaves
+    /// blocks out, and only in pictures of full size without overlays and letters;
+    /// [`super::RenderedFrame::is_partial`] says whether it did.
     pub blocks: Option<Arc<ChosenBlocks>>,
     /// Display-referred sRGB, 0..1, behind everything.
     pub background_rgb: [f64; 3],
