@@ -52,8 +52,8 @@ pub enum PictureError {
     /// It is whole, but not for a display.
     #[error(transparent)]
     Compose(#[from] ComposeError),
-    /// Rendered views have another size or number than was asked for.
-    #[error("the server's views of a picture at rest have another size or number")]
+    /// The size or the number of rendered views differs from the request.
+    #[error("the size or the number of the server's views differs from the request")]
     NoViews,
 }
 

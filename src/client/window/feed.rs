@@ -35,7 +35,7 @@ struct WindowState {
 struct Newest {
     frame: Option<Received>,
     eyes: Option<NewEyes>,
-    /// Views that the server has rendered of what the window showed under this number.
+    /// Rendered views, and the number of the shown picture that they belong to.
     rendered: Option<(u64, Frame)>,
     /// Name of the live view.
     view: Option<String>,

@@ -1,4 +1,5 @@
-//! The views of a picture at rest: asked for while nothing moves, and dropped when anything does.
+//! The views of a picture at rest: requested from the server while nothing moves, dropped after any
+//! movement.
 
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use crate::link::Options;
 use relief_display::{Frame, read_png};
 use relief_live::EyeViewQuality;
 
-/// How long nothing has moved until views are asked for.
+/// Delay between the last movement and the request for views.
 const REST: Duration = Duration::from_millis(150);
 
 /// A picture at rest in the window.
@@ -24,8 +25,8 @@ pub(super) struct AtRest {
     pub(super) shown: u64,
 }
 
-/// Asks for rendered views of what rests in the window, refined ones and then true ones, until the
-/// window is gone. `show` takes them, one above the other, with the number of what was shown.
+/// Requests rendered views of each picture at rest, refined ones and then true ones, until the window
+/// is gone. `show` takes [`AtRest::shown`] and the views, one above the other.
 pub(super) async fn serve(
     mut resting: watch::Receiver<Option<AtRest>>,
     options: &Options,

@@ -3,14 +3,14 @@
 
 import { pixelsOf } from "./frame.js";
 
-/** What each value of `rest` in the address asks for, in this order. */
+/** The qualities to request, in this order, for each value of `rest` in the address. */
 const QUALITIES = { true: ["refined", "true"], synthesised: [] };
-/** How long nothing has moved until views are asked for, ms. */
+/** Delay between the last movement and the request for views, ms. */
 const REST_MS = 150;
-/** What the server gives at once. */
+/** Limits of one request. */
 const MOST = { eyes: 16, pixels: 2 ** 24, rows: 16384 };
 
-/** The qualities to ask for; throws where the address has something else. */
+/** The qualities to request; throws if the address has an unknown value. */
 export function qualitiesOf(parameters) {
   const rest = parameters.get("rest") ?? "true";
   if (!Object.hasOwn(QUALITIES, rest)) throw new Error(`rest is ${rest.slice(0, 40)}; allowed: ${Object.keys(QUALITIES).join(", ")}`);
