@@ -75,7 +75,7 @@ fn key_numbers(count: usize, keys: Option<usize>) -> Vec<usize> {
     (0..keys).map(|key| (2 * key * (count - 1) + steps) / (2 * steps)).collect()
 }
 
-/// Views of which only some are rendered, and parts of the others where they are `refined`.
+/// Renders some of the views and interpolates the others; with `refined`, renders parts of these, too.
 fn interpolated(
     scene: &Scene,
     middle: &RenderedFrame,
@@ -126,7 +126,7 @@ fn interpolated(
     })
 }
 
-/// A view with the parts rendered that differ most.
+/// Renders the parts of a warped view that are most wrong.
 fn refine(
     view: Vec<[u8; 3]>,
     middle: &RenderedFrame,

@@ -80,7 +80,7 @@ impl Composer {
         Self { views: Some(output), maker, ..self }
     }
 
-    /// The same composer, which shows synthesised views of a picture at rest, too.
+    /// The same composer, which keeps synthesised views when the picture is at rest.
     #[cfg(feature = "window")]
     #[must_use]
     pub fn with_synthesised_rest(self) -> Self {

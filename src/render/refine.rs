@@ -3,8 +3,8 @@
 //! A few blocks of the view, evenly spread, are cast first. Their difference from the warp says
 //! where else it is wrong: the error of a block is estimated from its neighbours that are cast and
 //! from its contrast, because a wrong shift shows where colours change. The blocks with the largest
-//! estimates are cast next, in rounds, each of which knows the errors of those before. Everything
-//! is counted in blocks, so that equal pictures get equal views on every machine.
+//! estimates are cast next, in rounds; each round uses the errors that the rounds before it found.
+//! The budget counts blocks, not time, so that equal pictures get equal views on every machine.
 //!
 //! Spaces: blocks of [`BLOCK_PX`] pixels, rows from the top. Errors and contrasts are mean squared
 //! differences of the bytes of a pixel.
@@ -21,14 +21,14 @@ const ROUNDS: u32 = 2;
 /// Weight of errors without regard to contrast, beside those by contrast.
 const FLAT_SHARE: f32 = 0.3;
 
-/// A warped view on its way to a better one.
+/// A warped view, its blocks that are cast so far, and their errors.
 #[derive(Clone, Debug)]
 pub struct Refinement {
     size_px: [u32; 2],
     view: Vec<[u8; 3]>,
-    /// Of each block of the warped view.
+    /// The contrast of each block of the warped view.
     contrasts: Vec<f32>,
-    /// Of each block that is cast; 0 elsewhere.
+    /// The error of each block that is cast; 0 elsewhere.
     errors: Vec<f32>,
     is_cast: Vec<bool>,
     /// Blocks that may be cast after the first ones.

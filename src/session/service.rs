@@ -343,7 +343,7 @@ fn answer(
                 }
                 Ok(Some(frame)) => {
                     let frame = Arc::new(frame);
-                    // A part of a picture is wanted once.
+                    // The same part of a picture is not requested twice.
                     if !frame.is_partial {
                         lock(&shared.recent).put(next.job.key.clone(), Arc::clone(&frame));
                     }

@@ -52,7 +52,7 @@ struct NewEyes {
     since: Instant,
 }
 
-/// What there is to compose: a frame, or the last one anew for other eyes or of rendered views.
+/// The next task: a new frame, the last frame for other eyes, or rendered views of the last frame.
 struct Work {
     frame: Option<Received>,
     eyes: Option<NewEyes>,
@@ -199,7 +199,7 @@ struct Composing<'a> {
     /// What the views of the newest frame are made of.
     layers: Option<ReceivedLayers>,
     eyes: Option<Eyes>,
-    /// Counts frames and eyes.
+    /// Number of the shown picture; it rises with each frame and with each change of the eyes.
     shown: u64,
 }
 

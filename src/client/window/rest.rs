@@ -21,7 +21,7 @@ pub(super) struct AtRest {
     pub(super) view: String,
     /// The eyes of the display's views, in eye separations to the right of the middle.
     pub(super) eyes: Vec<f64>,
-    /// Counts what the window shows.
+    /// Number of the shown picture.
     pub(super) shown: u64,
 }
 

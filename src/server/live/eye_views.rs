@@ -17,7 +17,7 @@ use relief_display::{Frame, Pixels, encode_png};
 use relief_live::{EyeViewLimits, EyeViewQuality};
 use relief_session::{EyeViews, ViewFrame};
 
-/// How long the view may take to come to rest.
+/// Longest wait for a picture at rest.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The query.
@@ -43,7 +43,7 @@ pub(crate) async fn eye_views(
     let view = find_view(&parts, &name)?;
     let is_at_rest = |newest: &Arc<ViewFrame>| newest.is_still && newest.revision == view.revision();
     let newest = view.frames.borrow().clone().filter(is_at_rest);
-    // A view that nobody watches is watched until its views are rendered.
+    // A view without viewers drops its frames: this viewer keeps them until the request is answered.
     let (newest, _place, _viewer) = match newest {
         Some(newest) => (Some(newest), Some(parts.live.place(&caller)?), None),
         None => {

@@ -1,4 +1,4 @@
-//! The views of a picture at rest for eyes beside its own: rendered, each by a camera of its own.
+//! The views of a picture at rest for eyes beside its own, rendered by a camera for each eye.
 //!
 //! A display that makes its views of one picture shows these in their place while nothing moves.
 //! Eyes are in eye separations to the right of the middle.
@@ -22,7 +22,7 @@ pub struct EyeViews<'a> {
     pub eyes: &'a [f64],
     /// How their views are made.
     pub quality: EyeViewQuality,
-    /// With whom the render thread is shared out, as in [`crate::RenderService::render_for`].
+    /// The caller whose share of the render thread is used; see [`crate::RenderService::render_for`].
     pub caller: Option<Arc<str>>,
 }
 
