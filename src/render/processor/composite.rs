@@ -37,7 +37,7 @@ pub(super) struct Gathered<L: Lanes> {
 
 /// What samples are. Waiting ones have N components.
 pub(super) trait Blend<L: Lanes, const N: usize> {
-    /// Adds samples k of the chosen rays behind those before.
+    /// Adds samples k of the chosen rays behind those before; says whether any of them is visible.
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<L>,
@@ -45,7 +45,7 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
-    );
+    ) -> bool;
 
     /// Colours before light, positions and weights of waiting samples.
     fn waiting(scene: &Scene<'_, L>, sample: [L::Real; N]) -> Waiting<L>;
@@ -159,21 +159,24 @@ impl<L: Lanes> Scene<'_, L> {
         };
         let mut pending = Pending::new(self.lanes, rays);
         let mut k = start;
+        let mut has_shown = false;
         loop {
             let mut alive = chosen & k.lt(count) & sum.opacity.lt(opaque);
             if !alive.any() {
                 break;
             }
-            // Until no ray is in an empty brick, so that samples are taken for all.
-            while let Some((next, skips)) = self.bricks.past_empty(walk, k, alive) {
+            // Until no ray is in an empty brick, so that samples are taken for all. Behind visible samples
+            // others are likely: a look would cost more than samples that are taken in vain.
+            while !has_shown && let Some((next, skips)) = self.bricks.past_empty(walk, k, alive) {
                 k = next.or_where_not(skips, k);
                 alive = alive & k.lt(count);
             }
             // Two samples for each look at the bricks: the second is taken in vain now and then, but
             // shows nothing then.
+            has_shown = false;
             for _ in 0..2 {
                 let taken = alive & k.lt(count) & sum.opacity.lt(opaque);
-                B::gather(self, &mut sum, &mut pending, rays, k, taken);
+                has_shown |= B::gather(self, &mut sum, &mut pending, rays, k, taken);
                 while pending.len >= L::COUNT {
                     self.light_pending::<B, N>(&mut pending);
                 }
@@ -215,20 +218,21 @@ impl<L: Lanes> Blend<L, 5> for Plain {
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
-    ) {
+    ) -> bool {
         let p = rays.sample_voxel(k);
         let hu = scene.field.hu(p);
         let shows = scene.may_show(rays, k, hu, chosen);
         if !shows.any() {
-            return;
+            return false;
         }
         let opacity = scene.colors.opacity(hu);
         let shows = shows & scene.number(0.0).lt(opacity);
         if !shows.any() {
-            return;
+            return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
         pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+        true
     }
 
     #[inline(always)]
@@ -261,20 +265,21 @@ impl<L: Lanes> Blend<L, 5> for Classified {
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
-    ) {
+    ) -> bool {
         let p = rays.sample_voxel(k);
         let hu = scene.field.hu(p);
         let shows = scene.may_show(rays, k, hu, chosen);
         if !shows.any() {
-            return;
+            return false;
         }
         let opacity = scene.opacity_from(p, [hu, scene.factor_at(p)]);
         let shows = shows & scene.number(0.0).lt(opacity);
         if !shows.any() {
-            return;
+            return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
         pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+        true
     }
 
     #[inline(always)]
@@ -293,19 +298,19 @@ impl<L: Lanes> Blend<L, 7> for Paths {
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
-    ) {
-        let Some(integrals) = &scene.integrals else { return };
+    ) -> bool {
+        let Some(integrals) = &scene.integrals else { return false };
         let passage = scene.passage(rays, k);
         let highest = passage[0].max(passage[1]).max(passage[2]);
         let shows = scene.may_show(rays, k, highest, chosen);
         if !shows.any() {
-            return;
+            return false;
         }
         let passed = integrals.passed(passage);
         let opacity = passed.opacity();
         let shows = shows & scene.number(0.0).lt(opacity);
         if !shows.any() {
-            return;
+            return false;
         }
         let before = sum.opacity;
         let _ = sum.add(scene, k, opacity, shows);
@@ -319,6 +324,7 @@ impl<L: Lanes> Blend<L, 7> for Paths {
             let [r, g, b, added] = half;
             pending.push([x, y, z, r, g, b, left * added], shows);
         }
+        true
     }
 
     #[inline(always)]
