@@ -55,13 +55,14 @@ impl Bands {
         }
     }
 
-    /// The bands of the processor's own ray caster, which lose nothing but the end of each.
+    /// The bands of the processor's own ray caster: one of all rows, which asks at this pace.
     pub(super) fn of_processor() -> Self {
-        Self::of(AdapterKind::Software)
+        Self { duration: Some(LONG_BAND), ..Self::of_pixels(u32::MAX) }
     }
 
-    /// Casts the bands of a region: calls `cast` with the first row of each and its number of rows,
-    /// and asks after each whether to continue. `done` counts the rows of the region, from its top,
+    /// Casts the bands of a region: calls `cast` with the first row of each and its number of rows, and
+    /// asks after each whether to continue. `cast` returns the number of rows that it cast, from the
+    /// first on: all, unless it was cancelled. `done` counts the rows of the region, from its top,
     /// that are cast: by an earlier call on entry, in all on return.
     ///
     /// # Errors
@@ -70,15 +71,13 @@ impl Bands {
         self,
         region: Region,
         done: &mut u32,
-        mut cast: impl FnMut(u32, u32),
+        mut cast: impl FnMut(u32, u32, &mut Watch<'_>) -> (u32, Result<(), RenderError>),
         watch: &mut Watch<'_>,
     ) -> Result<(), RenderError> {
-        let mut bands = self;
-        while let Some(band) = bands.next(region, *done) {
-            let since = Instant::now();
-            cast(band.first_row, band.rows);
-            *done += band.rows;
-            bands = bands.after(since.elapsed());
+        while let Some(band) = self.next(region, *done) {
+            let (rows, outcome) = cast(band.first_row, band.rows, watch);
+            *done += rows;
+            outcome?;
             watch.band_done(*done < region.size[1])?;
         }
         Ok(())

@@ -34,13 +34,6 @@ impl ChosenBlocks {
         column < self.columns && self.chosen.get(row * self.columns + column).copied().unwrap_or_default()
     }
 
-    /// The share of the picture that is cast, 0 to 1.
-    #[must_use]
-    pub fn share(&self) -> f64 {
-        let cast = self.chosen.iter().filter(|chosen| **chosen).count();
-        cast as f64 / self.chosen.len().max(1) as f64
-    }
-
     /// Whether each block is cast, in rows from the top.
     #[must_use]
     pub fn flags(&self) -> &[bool] {

@@ -9,8 +9,9 @@
 //!
 //! **A picture.** One invocation casts one pixel, in tiles of 8x8. Rays start where they enter the
 //! box of voxel centres; every sample position is computed from its number, never accumulated.
-//! Software adapters render bands of rows, so that a request can be cancelled between two bands; no
-//! pixel depends on its band. Only tiles in which visible bricks can be seen are cast.
+//! Software adapters render bands of rows, so that a request can be cancelled between two bands; the
+//! ray caster on the processor deals rows to its threads, and asks between them. No pixel depends on
+//! its band. Only tiles in which visible bricks can be seen are cast.
 //!
 //! **Empty space.** Bricks of 4³ cells keep their smallest and largest HU. For a transfer function,
 //! a map holds the distance in bricks to the nearest visible one, and rays skip whole numbers of

@@ -146,9 +146,9 @@ impl Renderer {
     }
 
     /// Sets the approximate number of pixels of a band, at least a whole row of tiles; a picture
-    /// can be cancelled between bands. The bytes do not depend on it. By default, bands where the
-    /// processor computes get the size that takes 16 ms, and others have 2^22 pixels or fewer where
-    /// rays are long.
+    /// can be cancelled between bands. The bytes do not depend on it. By default, the ray caster on the
+    /// processor asks every 16 ms, bands of software adapters get the size that takes 16 ms, and others
+    /// have 2^22 pixels or fewer where rays are long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
         self.band_pixels = Some(pixels);
         self.apply_bands();

@@ -1,4 +1,4 @@
-//! From a request to a picture: what is looked up is prepared, then rows are cast in bands.
+//! From a request to a picture: the tables that rays look up are prepared, then rows are cast.
 
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,7 @@ use super::super::skipping::EmptySpaceSkipping;
 use super::super::target::background;
 use super::super::volume_plan::VolumePlan;
 use super::super::watch::Watch;
+use super::deal::deal;
 use super::illuminate::FillLayer;
 use super::light_cells::LightCells;
 use super::prepared::{Cache, Looks, Prepared};
@@ -23,7 +24,7 @@ use crate::illumination::{Cells, LightQuantity};
 use crate::limits::depth_limits;
 use relief_volume::{ContentHash, Volume};
 
-/// Rows of pixels that a thread takes at a time.
+/// Rows of pixels that a thread takes at a time: a piece.
 const ROWS: u32 = 4;
 
 /// The lanes that cast.
@@ -62,7 +63,7 @@ struct Picture {
     spent: Duration,
 }
 
-/// A picture that was cancelled between two bands. An equal request continues it.
+/// A picture that was cancelled between two rows. An equal request continues it.
 pub(super) struct Unfinished {
     volume: ContentHash,
     request: RenderRequest,
@@ -135,23 +136,23 @@ impl Order<'_> {
         let Prepared { looks, map, .. } = prepared;
         let job = Job { volume, request, looks, map, cells: &cells, skipping };
         let width = request.size_px[0] as usize;
-        let cast = |first_row: u32, rows: u32| {
+        let pace = self.bands.duration.unwrap_or(Duration::MAX);
+        let cast = |first_row: u32, rows: u32, watch: &mut Watch<'_>| {
             let pixels = first_row as usize * width..(first_row + rows) as usize * width;
             let chunk = ROWS as usize * width;
             let behind = back.as_mut().map(|layer| layer.chunks(pixels.clone(), chunk));
             let behind = behind.into_iter().flatten().map(Some).chain(std::iter::repeat_with(|| None));
             let firsts = (first_row..).step_by(ROWS as usize);
-            let rows: Vec<Rows<'_>> = front
+            let pieces: Vec<Rows<'_>> = front
                 .chunks(pixels, chunk)
                 .zip(behind)
                 .zip(firsts)
                 .map(|((front, back), first)| Rows { job, region, first, front, back })
                 .collect();
-            rows.into_par_iter().with_max_len(1).for_each(|rows| self.width.run(rows));
+            let (done, outcome) = deal(pieces, |rows| self.width.run(rows), pace, watch);
+            (rows.min(done as u32 * ROWS), outcome)
         };
-        let share = request.blocks.as_ref().map_or(1.0, |blocks| blocks.share());
-        let samples_of_ray = share * request.samples_of_ray(volume.grid());
-        let outcome = self.bands.for_rays(samples_of_ray).each(region, rows, cast, watch);
+        let outcome = self.bands.each(region, rows, cast, watch);
         if let Err(error) = outcome {
             let picture = Picture { spent: start.elapsed(), ..picture };
             let (volume, request) = (volume.content_hash(), request.clone());

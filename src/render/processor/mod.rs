@@ -30,6 +30,7 @@ mod cast;
 mod color;
 mod composite;
 mod crossing;
+mod deal;
 mod depth_rules;
 mod field;
 mod illuminate;
