@@ -167,7 +167,8 @@ class Window:
                 return
             self.page.wait_for_timeout(50)
         self.shot("stuck")
-        raise SystemExit(f"not within {seconds} s: {condition}; {self.page.inner_text('body')[:800]}")
+        panes = "[...document.querySelectorAll('.pane')].map((pane) => `${pane.className} ${JSON.stringify(pane.dataset)} ${pane.querySelector('.busy.on') ? 'busy' : ''}`)"
+        raise SystemExit(f"not within {seconds} s: {condition}; {self.page.evaluate(panes)}; {self.page.inner_text('body')[:800]}")
 
     def key(self, key):
         self.page.keyboard.press(key)
