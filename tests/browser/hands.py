@@ -277,6 +277,32 @@ def cine(page, server):
     return found
 
 
+def late(page, server):
+    """A slice that moves away and back while pictures come late: the last one displayed is complete."""
+    held, holds = [], True
+
+    def hold(route):
+        if holds and route.request.headers["accept"] == "image/jpeg" and "plane=axial" in route.request.url:
+            held.append(route)
+        else:
+            route.continue_()
+
+    page.still()
+    before = page.page.get_attribute(".pane-axial", "data-pictures")
+    page.page.route("**/slice?*", hold)
+    page.page.locator(".pane-axial").focus()
+    page.key("Control+ArrowRight")
+    page.key("Control+ArrowLeft")
+    page.page.wait_for_timeout(500)
+    holds = False
+    for route in held:
+        route.continue_()
+    page.wait(f"document.querySelector('.pane-axial').dataset.pictures > {before} + 1")
+    page.still()
+    page.page.unroute("**/slice?*")
+    return {"held": len(held)}
+
+
 def main():
     steps = sys.argv[5].split(",") if len(sys.argv) > 5 else []
     server = Server(RELIEF, SERIES, "--annotations", str(pathlib.Path(FOLDER) / "hands.db"))
@@ -285,7 +311,7 @@ def main():
             browser = launched(playwright, CHROMIUM)
             page = Page(browser, server, "Ada Berg")
             found = {}
-            for name, step in [("links", links), ("painting", painting), ("filling", filling), ("curve", curve), ("sight", sight), ("jobs", jobs), ("cine", cine)]:
+            for name, step in [("links", links), ("painting", painting), ("filling", filling), ("curve", curve), ("sight", sight), ("jobs", jobs), ("cine", cine), ("late", late)]:
                 if not steps or name in steps:
                     found[name] = step(page, server)
             if not steps or "fingers" in steps:

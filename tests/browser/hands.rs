@@ -218,3 +218,11 @@ fn slices_play_and_a_plane_cuts_the_3d_view() {
     assert!((length(&plane[3..]) - 1.0).abs() < 1e-3, "{cine}");
     assert_eq!(cine["whole"], Value::Null);
 }
+
+/// Invariant: A pane at rest displays the complete picture, however late the ones before it come.
+#[test]
+fn pictures_that_come_late_do_not_stay() {
+    let Some(seen) = seen("late pictures of the page for annotations") else { return };
+    // The script fails where a moving picture stays.
+    assert!(seen["late"]["held"].as_u64().unwrap() > 0, "{}", seen["late"]);
+}

@@ -26,7 +26,6 @@ export function element(name, attributes = {}, ...children) {
 }
 
 export class Pane {
-  #url = "";
   #stillTimer = 0;
   #pointers = new Map();
   #gesture = null;
@@ -89,8 +88,12 @@ export class Pane {
     clearTimeout(this.#stillTimer);
     if (moving) this.#stillTimer = setTimeout(() => this.refresh(), STILL_MS);
     const order = { ...this.order(moving), moving };
-    if (order.url + order.accept === this.#url) return;
-    this.fetcher.want(order);
+    if (!this.#isShown(order)) this.fetcher.want(order);
+  }
+
+  /** Whether this picture, or the complete one of the same view, is displayed and will not be replaced by a late answer. */
+  #isShown({ url, moving }) {
+    return !this.fetcher.isBusy && this.shown?.url === url && (moving || !this.shown.moving);
   }
 
   /** Draws all layers over the picture, once for all changes before the next frame of the screen. */
@@ -111,7 +114,6 @@ export class Pane {
   #show(picture) {
     this.shown?.bitmap.close();
     this.shown = picture;
-    this.#url = picture.url + picture.accept;
     this.projection = this.projectionOf(picture);
     this.paint(picture);
     for (const edge of Object.keys(this.edges)) this.edges[edge].textContent = picture.camera?.edges[edge] ?? "";
