@@ -45,7 +45,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("survey.jsonl", "needs a Wiimote's recording; tests of calibration simulate one"),
     ("relief annotate accuracy", "takes minutes; scripts/test --all runs it"),
     ("relief track design", "takes minutes; tests run it with few poses"),
-    ("relief track experiment", "takes minutes; tests run it with few poses"),
+    ("relief track experiment", "takes minutes: scripts/test --all runs it once"),
     ("turntable:60", "plans 60 pictures of each series; others are run"),
     ("relief bench", "measures for a minute; tests of the benchmark run it"),
     ("--passes 256", "traces 256 passes; pictures are tested with fewer"),

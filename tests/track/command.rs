@@ -344,6 +344,7 @@ fn a_calibration_starts_at_what_the_eeprom_says() {
 /// The table of the experiment: our errors are far below the published ones, and the files of plots
 /// and numbers exist.
 #[test]
+#[ignore = "takes a minute: the whole experiment, in scripts/test --all"]
 fn the_experiment_prints_its_table_beside_the_published_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
