@@ -95,13 +95,24 @@ async fn edits_on_one_server_appear_on_the_other(place: &str) {
         .await;
 }
 
+/// The sequence numbers of the next events, `count` of them.
+async fn numbers(client: &mut Client, count: u64) -> Vec<u64> {
+    let mut seen = Vec::new();
+    while (seen.len() as u64) < count {
+        let message = reported(client).await;
+        assert_ne!(message["more"], true, "nothing is left out");
+        let events = message["events"].as_array().unwrap();
+        seen.extend(events.iter().map(|event| event["seq"].as_u64().unwrap()));
+    }
+    seen
+}
+
 async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_log(place: &str) {
     const EACH: u64 = 25;
     let pair = pair(place).await;
-    let mut clients = Vec::new();
-    for running in &pair {
-        clients.push(running.hello(json!({ "author": "cleo", "settings": { "annotations": true } })).await.0);
-    }
+    let hello = json!({ "author": "cleo", "settings": { "annotations": true } });
+    let (mut first, _) = pair[0].hello(hello.clone()).await;
+    let (mut second, _) = pair[1].hello(hello).await;
     let write = |running: usize| {
         let stage = &pair[running].stage;
         async move {
@@ -110,18 +121,12 @@ async fn edits_of_two_servers_are_told_everywhere_once_and_in_the_order_of_the_l
             }
         }
     };
-    tokio::join!(write(0), write(1));
-    for client in &mut clients {
-        let mut seen = Vec::new();
-        while seen.len() < 2 * EACH as usize {
-            let message = reported(client).await;
-            assert_ne!(message["more"], true, "nothing is left out");
-            let events = message["events"].as_array().unwrap();
-            seen.extend(events.iter().map(|event| event["seq"].as_u64().unwrap()));
-        }
-        let expected: Vec<u64> = (1..=2 * EACH).collect();
-        assert_eq!(seen, expected);
-    }
+    // Read meanwhile: a server closes connections that answer no ping.
+    let (by_first, by_second) = (numbers(&mut first, 2 * EACH), numbers(&mut second, 2 * EACH));
+    let ((), (), by_first, by_second) = tokio::join!(write(0), write(1), by_first, by_second);
+    let expected: Vec<u64> = (1..=2 * EACH).collect();
+    assert_eq!(by_first, expected);
+    assert_eq!(by_second, expected);
     // Both servers know the same items: each adds the other's to its own.
     let [a, b] = &pair;
     let items =
@@ -164,13 +169,16 @@ async fn an_edit_of_many_items_is_told_as_one(place: &str) {
     let [a, b] = pair(place).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
     let many: Vec<_> = (0..5500).map(|i| point(&format!("p{i}"), [0.0; 3])).collect();
-    b.stage.create("ben", many.into()).await;
-    let reported = loop {
-        let message = anna.event("annotations").await;
-        if message["next"].is_null() {
-            break message;
+    let reported = async {
+        loop {
+            let message = anna.event("annotations").await;
+            if message["next"].is_null() {
+                return message;
+            }
         }
     };
+    // Read meanwhile: a server closes connections that answer no ping.
+    let (_, reported) = tokio::join!(b.stage.create("ben", many.into()), reported);
     assert_eq!(reported, json!({ "type": "annotations", "seq": 5500, "events": [], "more": true }));
     let list = a.stage.annotate(Method::GET, "", "", Value::Null).await.json();
     assert_eq!(list["items"].as_array().unwrap().len(), 5500);
@@ -206,7 +214,7 @@ async fn events_written_during_an_outage_are_published_afterwards(postgres: &mut
 
 /// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
 /// the log; a server that loses its connection catches up.
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
