@@ -35,7 +35,8 @@ pub(super) struct Bands {
     pub(super) pixels: u32,
     /// Samples that the rays of the first band may take, about.
     pub(super) samples: f64,
-    /// The time that later bands should take; `None` where all bands have one size.
+    /// The time that later bands should take, on the processor the time between two questions whether
+    /// to continue; `None` where all bands have one size.
     pub(super) duration: Option<Duration>,
 }
 
