@@ -170,7 +170,7 @@ TRACKED = """
 
 
 def tracked(browser, server):
-    """What the view is after a phone that is tracked in space was moved and turned with Turn held."""
+    """The view after a phone that is tracked in space was moved and turned with Turn held."""
     window = Window(browser, server, "/kiosk?view=space&preset=bone&size=960x540")
     window.wait("document.documentElement.dataset.still === 'true'")
     phone = Phone(browser, f"{server.url}/wand?view=space", TRACKED)
@@ -200,8 +200,11 @@ def tracked(browser, server):
     return seen
 
 
-#: A SpaceMouse behind WebHID, as a script: window.cap(id, numbers) is a report.
+#: A SpaceMouse behind WebHID, as a script: window.cap(id, numbers) is a report. window.reportTimes(id) are the
+#: times of the reports with this number, s.
 CAP = """
+  const times = {};
+  window.reportTimes = (reportId) => times[reportId];
   const device = new EventTarget();
   Object.assign(device, { vendorId: 0x256f, productId: 0xc652, opened: true });
   const hid = new EventTarget();
@@ -209,13 +212,14 @@ CAP = """
   Object.defineProperty(navigator, "hid", { value: hid });
   window.cap = (reportId, numbers) => {
     const data = new DataView(reportId === 3 ? Uint8Array.from(numbers).buffer : Int16Array.from(numbers).buffer);
+    (times[reportId] ??= []).push(performance.now() / 1000);
     device.dispatchEvent(Object.assign(new Event("inputreport"), { reportId, data }));
   };
 """
 
 
 def capped(browser, server):
-    """What the view is after the cap was turned, and after it moved the cursor."""
+    """The view after the cap was turned, and after it moved the cursor."""
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     context.add_init_script(CAP)
     window = Window.__new__(Window)
@@ -227,7 +231,6 @@ def capped(browser, server):
     for _ in range(20):
         window.page.evaluate("cap(2, [0, 0, 350])")
         window.page.wait_for_timeout(20)
-    window.page.evaluate("cap(2, [0, 0, 0])")
     seen["turned"] = settled(window)
     window.page.mouse.click(480, 540)
     seen["clicked"] = settled(window)
@@ -237,6 +240,7 @@ def capped(browser, server):
         window.page.wait_for_timeout(20)
     window.page.evaluate("cap(3, [0])")
     seen["moved"] = settled(window)
+    seen["times_s"] = {"turn": window.page.evaluate("reportTimes(2)"), "shift": window.page.evaluate("reportTimes(1)")}
     seen["problems"] = window.problems
     context.close()
     return seen

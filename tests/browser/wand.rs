@@ -72,6 +72,13 @@ fn a_phone_in_space_moves_and_turns() {
     assert!(apart < 0.1, "{turn} is {apart} degrees away");
 }
 
+/// How long the reports of a SpaceMouse count, s: each for the time since the last one, and for 50 ms
+/// at most, as the first one does.
+fn counted_s(times_s: &Value) -> f64 {
+    let times_s = numbers(times_s);
+    0.05 + times_s.windows(2).map(|pair| (pair[1] - pair[0]).min(0.05)).sum::<f64>()
+}
+
 /// Invariant: A SpaceMouse behind WebHID turns the view about the axis of its cap, and moves the
 /// cursor along it.
 #[test]
@@ -80,13 +87,14 @@ fn a_spacemouse_turns_and_moves_the_cursor() {
     let cap = &seen["cap"];
     assert_eq!(cap["problems"], json!([]));
     let turn = patient_from_view(&cap["turned"]).inverse() * patient_from_view(&cap["before"]);
-    // Pressed clockwise, from above: z of the device points down.
-    let about = turn.to_scaled_axis();
-    assert!(about.x.abs() < 1e-3 && about.z.abs() < 1e-3, "{about}");
-    let degrees = about.y.to_degrees();
-    assert!((-120.0..=-20.0).contains(&degrees), "{degrees} degrees in about half a second");
+    // Pressed clockwise, from above: z of the device points down. 120 degrees a second.
+    let expected = DVec3::new(0.0, -120f64.to_radians() * counted_s(&cap["times_s"]["turn"]), 0.0);
+    let apart = (turn.to_scaled_axis() - expected).length();
+    assert!(apart < 0.03 * expected.length(), "{} is not {expected}", turn.to_scaled_axis());
     let [clicked, moved] =
         ["clicked", "moved"].map(|state| DVec3::from_slice(&numbers(&cap[state]["cursor_mm"])));
     let by = patient_from_view(&cap["moved"]).inverse() * (moved - clicked);
-    assert!(by.x > 10.0 && by.x < 60.0 && by.y.abs() < 1e-3 && by.z.abs() < 1e-3, "{by} mm");
+    // To the right, by 60 mm a second.
+    let expected = DVec3::new(60.0 * counted_s(&cap["times_s"]["shift"]), 0.0, 0.0);
+    assert!((by - expected).length() < 0.03 * expected.length(), "{by} mm are not {expected} mm");
 }

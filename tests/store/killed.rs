@@ -5,7 +5,7 @@
 //! `scripts/soak-store` does the same a thousand times.
 
 use std::collections::HashMap;
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -161,10 +161,15 @@ fn kill(kills: usize, folder: &Path) -> usize {
         seed ^= seed << 13;
         seed ^= seed >> 7;
         seed ^= seed << 17;
+        let mut said_so_far = BufReader::new(victim.stdout.take().unwrap());
+        let mut output = String::new();
+        // Every other one is killed after it has written, however slow the machine is.
+        if number % 2 == 1 {
+            while !output.contains("done ") && said_so_far.read_line(&mut output).unwrap() > 0 {}
+        }
         std::thread::sleep(Duration::from_millis(seed % LONGEST_LIFE_MS));
         victim.kill().unwrap(); // SIGKILL
-        let mut output = String::new();
-        victim.stdout.take().unwrap().read_to_string(&mut output).unwrap();
+        said_so_far.read_to_string(&mut output).unwrap();
         victim.wait().unwrap();
         let (acknowledged, refused) = said(&output);
         assert!(refused.is_empty(), "kill {number}: {refused:?}");
@@ -187,7 +192,7 @@ fn kill(kills: usize, folder: &Path) -> usize {
 fn acknowledged_edits_survive_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let total = kill(20, folder.path());
-    assert!(total > 100, "{total} events: the victims hardly lived");
+    assert!(total >= 10, "{total} events: every other victim acknowledges one at least");
 }
 
 #[cfg(unix)]
