@@ -91,7 +91,7 @@ fn write_hit(at: u32, ray: Ray, hit: Hit) {
 // with row 1.
 fn row_dealt_out(turn: u32, rows: u32) -> u32 {
     let whole = rows / RUNS;
-    // So many runs have one row more.
+    // The number of runs that have one row more.
     let longer = rows % RUNS;
     let ahead = longer * (whole + 1u);
     if turn < ahead {

@@ -1,4 +1,4 @@
-//! What waits: servers, clients, batches, queues, databases and browsers.
+//! Tests that mostly wait: servers, clients, batches, queues, databases and browsers.
 //!
 //! One program for all of them, because linking takes longer than most of its tests.
 

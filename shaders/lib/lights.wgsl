@@ -1,4 +1,4 @@
-// Light of a visible sample: the headlight or placed lights, their shadows, and what its
+// Light of a visible sample: the headlight or placed lights, their shadows, and the occlusion by its
 // surroundings take away.
 //
 // Shadows and openness are looked up in cells that `illuminate.wgsl` has filled: a cell's width

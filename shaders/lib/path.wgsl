@@ -22,7 +22,7 @@ struct Path {
     light_count: u32,
     // Linear light from everywhere.
     environment: vec3<f32>,
-    // What sums are multiplied by before they are written.
+    // The factor of sums before they are written.
     exposure: f32,
     // Linear light behind everything; not exposed.
     background: vec3<f32>,

@@ -1,4 +1,4 @@
-// What light does where it collides: a surface where values change fast, a scattering medium where
+// Collisions of light: with a surface where values change fast, a scattering medium where
 // they do not.
 //
 // Both are weighed by the gradient and summed, not chosen between. Directions in start space, unit

@@ -25,7 +25,7 @@ struct Segment {
     step_voxel: vec3<f32>,
     begin: f32,
     end: f32,
-    // What crosses a face for certain, mm.
+    // A distance that crosses a face for certain, mm.
     across: f32,
 }
 

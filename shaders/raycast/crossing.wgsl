@@ -85,7 +85,7 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
 // The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has
 // accumulated.
 //
-// What opacity depends on is fetched every quarter of a sample distance and is linear between:
+// The inputs of opacity are fetched every quarter of a sample distance and are linear between:
 // finer parts fetch nothing.
 fn refine_crossing(ray: Ray, begin: f32, slabs: i32, before: f32, target_opacity: f32) -> f32 {
     let count = slabs * PARTS;

@@ -1,4 +1,4 @@
-// A view of the layers: each pixel is the mean of what lies in it. The nearest interval shows;
+// A view of the layers: each pixel is the mean of the intervals in it. The nearest interval shows;
 // holes take the background layer or their farther side.
 //
 // `synthesize` of the crate `display` explains the method and gives the same bytes. Each pixel
@@ -82,7 +82,7 @@ fn farthest_between(left: i32, right: i32, y: u32) -> vec2<i32> {
     return found;
 }
 
-// The filling between the pixels on both sides of a hole; -1 where there is none.
+// The filling between the pixels on both sides of a hole; a side beyond the picture is -1.
 fn filled_from(hole: ptr<function, Hole>, left: i32, right: i32, y: u32) {
     if left < 0 || right < 0 {
         let only = max(left, right);

@@ -1,5 +1,5 @@
-//! What values an item may have: ranges, lengths of texts, shapes of geometries. Errors name the
-//! key's path.
+//! The values that an item may have: ranges, lengths of texts, shapes of geometries. Errors name
+//! the key's path.
 
 use super::geometry::Geometry;
 

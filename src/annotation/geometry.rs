@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::patient_mm;
 use relief_base::{Patient, Point};
 
-/// Where an item is and what shape it has.
+/// The place and the shape of an item.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Geometry {

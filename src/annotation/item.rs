@@ -24,7 +24,7 @@ pub struct Item {
     /// Position in the list and in the set, ascending; equal positions are sorted by creation.
     #[serde(default)]
     pub order: u32,
-    /// What people call it.
+    /// The name that people use for it.
     pub name: String,
     /// Anything else that people want to say.
     #[serde(default, skip_serializing_if = "String::is_empty")]

@@ -1,4 +1,4 @@
-//! How an item came to its place: by what way, with what in the hand, seen through which camera.
+//! How an item was placed: the method, the device in the hand, and the camera.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use super::check::{ItemError, finite, line};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// By what way.
+    /// The method.
     pub method: Method,
     /// The device that placed it.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! What an archive is shown, and which certificates it may have.
+//! The credentials for an archive, and the certificates that are accepted from it.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub enum Credentials {
     Bearer(String),
 }
 
-/// What an archive is shown, and which certificates it may have.
+/// The credentials for an archive, and the certificates that are accepted from it.
 #[derive(Clone, Debug, Default)]
 pub struct ArchiveAccess {
     /// How the client is known; the archive takes everybody where none are given.

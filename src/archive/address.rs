@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use url::Url;
 
-/// What distinguishes the address of an archive from a path.
+/// The prefix that distinguishes the address of an archive from a path.
 pub const SCHEME: &str = "dicomweb+";
 /// Longest UID, characters (PS3.5).
 const LONGEST_UID: usize = 64;

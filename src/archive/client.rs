@@ -126,7 +126,7 @@ impl Archive {
         }
     }
 
-    /// The body of an answer, if it has at most so many bytes.
+    /// The body of an answer, if it has at most `allowed` bytes.
     pub(crate) async fn body(&self, mut response: Response, allowed: u64) -> Result<Vec<u8>, ArchiveError> {
         let mut body = Vec::new();
         while let Some(chunk) = self.chunk(&mut response).await? {

@@ -1,4 +1,4 @@
-//! What goes wrong between a client and an archive.
+//! Errors between a client and an archive.
 
 use std::path::PathBuf;
 

@@ -1,5 +1,5 @@
 //! DICOM archives: search (QIDO-RS), retrieval (WADO-RS) and storage (STOW-RS) by DICOMweb,
-//! PS3.18; and what archives send by the DICOM network, PS3.7 and PS3.8.
+//! PS3.18; and objects that archives send by the DICOM network, PS3.7 and PS3.8.
 //!
 //! An [`ArchiveAddress`] names an archive, a study or a series in it, or the matches of a query. An
 //! [`Archive`] is a client of one. Retrieval writes the objects as they are stored; it does not read

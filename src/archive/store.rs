@@ -23,7 +23,7 @@ pub struct OutgoingObject {
     pub file: Bytes,
 }
 
-/// What an archive did with an object.
+/// The outcome of storing an object in an archive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreOutcome {
     /// It was stored.

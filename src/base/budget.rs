@@ -1,8 +1,8 @@
-//! What reading bytes from outside may take: memory that it keeps, bytes that it unpacks, and
-//! whether anyone still waits for the result.
+//! The resources that reading bytes from outside may take: memory that it keeps, bytes that it
+//! unpacks, and whether anyone still waits for the result.
 //!
 //! A [`Budget`] is shared by all threads of one reading. It counts and refuses; it allocates
-//! nothing and stops nobody. Sizes in bytes.
+//! nothing and stops no thread. Sizes in bytes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

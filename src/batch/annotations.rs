@@ -1,7 +1,7 @@
 //! Annotations of jobs: a file beside the manifest, named by its hash, so that workers need no log
 //! of annotations and a manifest keeps its meaning.
 //!
-//! The file contains only what is drawn: names, colours and geometry in patient LPS mm. Authors,
+//! The file contains drawn properties only: names, colours and geometry in patient LPS mm. Authors,
 //! times, descriptions, cameras and frames of reference stay in the log.
 
 use std::collections::HashMap;

@@ -50,7 +50,7 @@ pub enum ManifestError {
 /// Why nothing was planned.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// What to look for is not there.
+    /// The file to look for cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
         /// Folder or table.

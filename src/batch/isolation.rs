@@ -13,7 +13,7 @@ pub(super) use absent::{FoundSeries, ListedSeries, Listing, SeriesChoice};
 #[cfg(not(target_os = "linux"))]
 pub use absent::{IsolatedReader, IsolationError};
 
-/// What errors call the files of a series, whose own names may be those of patients.
+/// The name of a series' files in errors: their own names may be those of patients.
 pub(super) const SUBJECT: &str = "its files";
 
 /// The choice of a DICOM series by its UID, or of a file of voxels.

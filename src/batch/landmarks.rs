@@ -2,7 +2,7 @@
 //! cameras that placed it.
 //!
 //! The normal of a point is that of the surface it lies on: against the mean gradient of the values
-//! in balls about it, towards what is less dense. Where there is no surface (less than
+//! in balls about it, towards lower values. Where there is no surface (less than
 //! [`LEAST_SLOPE`]) it is looked at from where its placing camera was, and without one from
 //! outside: from the volume's centre through it. A plane has its own normal, and of its two sides
 //! the one that its camera was on, or the outer one. Patient LPS mm.
@@ -154,7 +154,7 @@ fn camera(at: Point<Patient>, towards_eye: Vector<Patient>, volume: &Volume, orb
     CameraFile { eye_mm, look_at_mm: at.xyz.to_array(), up, projection, lens_shift: [0.0; 2] }
 }
 
-/// What views of items are called: after the item, with its set where there are several, and a
+/// The names of views of items: that of the item, with its set where there are several, and a
 /// number where names are alike.
 struct ViewNames(HashMap<String, String>);
 

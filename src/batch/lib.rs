@@ -1,8 +1,7 @@
-//! Batches: many views of many series, as jobs in a manifest, rendered by as many workers as there
-//! are.
+//! Batches: many views of many series, as jobs in a manifest, rendered by any number of workers.
 //!
 //! What it is: [`plan()`] finds series and writes one [`Job`] for each view of each; [`run()`]
-//! renders those that are not done. A job's key is a hash of what its outputs depend on (the
+//! renders those that are not done. A job's key is a hash of the inputs of its outputs (the
 //! series' bytes, the scene, the products, this version), so that work done stays done wherever the
 //! files lie, and a changed series or scene is another job. What it is not: no queue and no cluster
 //! of our own; with the feature `cluster`, `queue` speaks to NATS and `bucket` to S3. Workers share

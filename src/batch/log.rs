@@ -1,5 +1,4 @@
-//! The log of annotations that a batch is planned with: which items are a series', and what shapes
-//! they have.
+//! The log of annotations that a batch is planned with: the items of a series, and their shapes.
 
 use std::path::PathBuf;
 use std::sync::Arc;

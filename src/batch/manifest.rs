@@ -106,7 +106,7 @@ impl Job {
         format!("{}/{}", self.series.name, self.view)
     }
 
-    /// The key of what its outputs depend on. JSON objects are written with their keys sorted.
+    /// The key of the inputs of its outputs. JSON objects are written with their keys sorted.
     fn key(&self) -> JobKey {
         let mut products: Vec<&str> = self.products.iter().map(|product| product.name()).collect();
         products.sort_unstable();

@@ -1,6 +1,6 @@
 //! Names that outputs, views and series of a batch may have.
 
-/// What series and views may be called.
+/// The rule for names of series and views.
 pub(super) const NAMES: &str = "1 to 100 letters, digits, - _ and ., none that other files beside have";
 
 /// Whether a series or a view may be called so. A view's record is NAME.json, its camera

@@ -35,7 +35,7 @@ pub enum Root {
     Table(PathBuf),
 }
 
-/// What to plan.
+/// The input of a plan.
 #[derive(Debug)]
 pub struct Request {
     /// Where the series are.

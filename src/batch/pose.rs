@@ -12,7 +12,7 @@ use super::error::SeriesError;
 use relief_render::RenderedFrame;
 use relief_volume::Projection;
 
-/// What `VIEW.camera.json` says.
+/// The content of `VIEW.camera.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ViewCamera {

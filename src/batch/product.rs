@@ -31,7 +31,7 @@ pub enum Product {
     AnnotatedCapture,
 }
 
-/// What one word of `--products` asks for.
+/// The outputs that one word of `--products` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProductSet(pub Vec<Product>);
 

@@ -23,7 +23,7 @@ use relief_render::{
     GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, SceneError, SceneFile, Subject,
 };
 
-/// What to run and how.
+/// The jobs to run, and how to run them.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Where outputs go.

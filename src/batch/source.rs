@@ -25,7 +25,7 @@ pub struct SeriesSource {
     /// Its UID, where the path holds several series.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uid: Option<String>,
-    /// What outputs are called after: a name from a table, or the beginning of the hash.
+    /// The name of its outputs: from a table, or the beginning of the hash.
     pub name: String,
     /// SHA-256 of its files.
     pub sha256: String,

@@ -25,7 +25,7 @@ const ENCODERS: [&[&str]; 3] = [
 /// Longest message of ffmpeg that is shown, bytes.
 const LONGEST: u64 = 2000;
 
-/// What turntables are asked to be.
+/// The options of turntables.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FilmChoice {
     /// Animated PNG, and MP4 where ffmpeg is.
@@ -37,7 +37,7 @@ pub enum FilmChoice {
     Mp4,
 }
 
-/// What turntables will be.
+/// The settings of turntables, with defaults filled in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FilmWriter {
     /// The program that makes MP4, where it does.

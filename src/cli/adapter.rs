@@ -9,7 +9,7 @@ use relief_session::GpuBackend;
 /// The graphics adapter to use.
 #[derive(Debug, clap::Args)]
 pub(super) struct AdapterArguments {
-    /// What renders: best, cpu, software, or a part of a graphics adapter's name. `best` is a
+    /// The renderer: best, cpu, software, or a part of a graphics adapter's name. `best` is a
     /// graphics card, or else `cpu`, Relief's own ray caster, which needs no driver; `software` is a
     /// software driver such as lavapipe. What `cpu` cannot do falls to the best graphics adapter
     #[arg(long, value_name = "NAME", default_value = "best", env = "RELIEF_ADAPTER")]

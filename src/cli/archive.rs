@@ -1,8 +1,8 @@
-//! Options about DICOM archives: what they are shown, and whom to trust.
+//! Options about DICOM archives: credentials, and the authorities to trust.
 
 use std::path::PathBuf;
 
-/// What archives (`dicomweb+https://...`) are shown.
+/// Credentials for archives (`dicomweb+https://...`).
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct ArchiveArguments {
     /// Log in to archives with the first line of this file, USER:PASSWORD
@@ -26,7 +26,7 @@ pub(super) struct ArchiveArguments {
 
 #[cfg(feature = "cluster")]
 impl ArchiveArguments {
-    /// What archives are shown.
+    /// The credentials for archives.
     ///
     /// # Errors
     /// When a file cannot be read.

@@ -256,7 +256,7 @@ impl Bench<'_> {
 struct SampleRates {
     samples_per_frame: u64,
     samples_per_s: f64,
-    /// What the driver takes when it does nothing else.
+    /// The speed of the driver alone.
     driver_samples_per_s: f64,
     share: f64,
 }

@@ -13,7 +13,7 @@ pub(super) fn depth_rules() -> impl TypedValueParser<Value = DepthRule> {
     PossibleValuesParser::new(values).map(|name| DepthRule::from_name(&name).unwrap_or_default()) // the parser has checked the name
 }
 
-/// What a camera is fitted to.
+/// The choices of a camera's framing.
 pub(super) fn framing_rules() -> impl TypedValueParser<Value = FramingRule> {
     let values = FramingRule::ALL.map(|rule| PossibleValue::new(rule.name()));
     PossibleValuesParser::new(values).map(|name| FramingRule::from_name(&name).unwrap_or_default()) // the parser has checked the name

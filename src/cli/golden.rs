@@ -81,10 +81,10 @@ struct SuiteArguments {
     /// Folder of the cases, DIR/SUITE/CASE/case.toml
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DIR)]
     dir: PathBuf,
-    /// Folder for what failures leave
+    /// Folder for the pictures of failures
     #[arg(long, value_name = "DIR", default_value = "target/golden")]
     out: PathBuf,
-    /// What renders: software, a software driver such as lavapipe, or cpu, which needs no driver. Bless
+    /// The renderer: software, a software driver such as lavapipe, or cpu, which needs no driver. Bless
     /// and check on the same
     #[arg(long, value_name = "NAME", default_value = "software", env = "RELIEF_ADAPTER")]
     adapter: String,

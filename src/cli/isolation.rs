@@ -10,7 +10,7 @@ pub(crate) enum Isolation {
 }
 
 impl Isolation {
-    /// What this system has.
+    /// The default of this system.
     pub(crate) const DEFAULT: Self = if cfg!(target_os = "linux") { Self::On } else { Self::Off };
 }
 

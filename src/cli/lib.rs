@@ -186,7 +186,8 @@ fn open_traces(command: &Command) -> anyhow::Result<Option<traces::Traces>> {
     opened.context("--traces cannot be used")
 }
 
-/// Logs go to stderr, because stdout carries results only. Returns what has to live until the end.
+/// Logs go to stderr, because stdout carries results only. Returns a guard that has to live until
+/// the end.
 fn start_logging(command: &Command) -> anyhow::Result<impl Sized + use<>> {
     let usual = || EnvFilter::new("warn,relief_cli=info");
     let filter = match std::env::var("RELIEF_LOG") {

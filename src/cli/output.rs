@@ -1,4 +1,4 @@
-//! What subcommands share when they write: whole files, JSON, error reports.
+//! Parts that subcommands share when they write: whole files, JSON, error reports.
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;

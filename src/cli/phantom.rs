@@ -24,7 +24,7 @@ pub(super) struct PhantomArguments {
     /// Folder to make.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What to make.
+    /// The phantom to make.
     #[arg(long, default_value = "head", value_parser = kind_parser())]
     kind: PhantomKind,
     /// Voxels across, 16 to 1024 [default: 256 for head, sphere and slab; 64 for ramp and axes].
@@ -41,7 +41,7 @@ pub(super) struct PhantomArguments {
     json: bool,
 }
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(serde::Serialize)]
 struct PhantomReport<'a> {
     kind: &'a str,

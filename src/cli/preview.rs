@@ -36,7 +36,7 @@ pub(super) struct PreviewArguments {
     /// The frame (PNG)
     #[arg(value_name = "FRAME.png")]
     frame: PathBuf,
-    #[arg(long, value_name = "NAME", help = format!("{} [default: wiggle, or the quilt that the name of --out says]", layouts("What becomes of it", |layout| layout.view_count() > 0)))]
+    #[arg(long, value_name = "NAME", help = format!("{} [default: wiggle, or the quilt that the name of --out says]", layouts("The layout of the output", |layout| layout.view_count() > 0)))]
     layout: Option<Layout>,
     /// Where the picture goes: .png
     #[arg(long, value_name = "FILE", value_parser = parse_png)]
@@ -133,7 +133,7 @@ fn views(
     let size_px = decoded.size_px;
     let Some((front, back)) = decoded.into_layers() else {
         bail!(
-            "the picture has no disparity beside it (layout {}): relief inspect says what is in it",
+            "the picture has no disparity beside it (layout {}): relief inspect prints its content",
             report.layout
         );
     };

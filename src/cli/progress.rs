@@ -29,7 +29,7 @@ impl Default for Reporter {
 pub(super) struct RetrievalBar(Reporter);
 
 impl RetrievalBar {
-    /// So many of all files have arrived.
+    /// The number of files that have arrived.
     pub(super) fn report(&self, done: usize, all: usize) {
         self.0.report_as("retrieving slices", done, all);
     }

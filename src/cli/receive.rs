@@ -54,7 +54,7 @@ pub(super) struct ReceiveArguments {
     /// Bytes that the folder may have; objects beyond are refused
     #[arg(long, value_name = "BYTES", default_value = "64GiB", value_parser = parse_bytes)]
     quota: u64,
-    /// A series is complete when nothing of it has arrived for so many seconds
+    /// A series is complete when nothing of it has arrived for this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=3600))]
     quiet: u16,
     /// Print a JSON object for each series, a line each

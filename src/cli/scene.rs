@@ -98,8 +98,8 @@ pub(super) struct SceneArguments {
     /// How far from above: 90 is from the head, -90 from the feet
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation_deg: f64,
-    /// What zoom 1 fits to the picture: what is visible with the preset and clips, all tissue, or the
-    /// bounding sphere of the volume [default: visible]
+    /// The part that zoom 1 fits to the picture: what is visible with the preset and clips, all tissue,
+    /// or the bounding sphere of the volume [default: visible]
     #[arg(long, value_name = "RULE", value_parser = framing_rules())]
     frame: Option<FramingRule>,
     /// Whether the table, headrest and sheets below the patient are shown [default: remove]

@@ -77,7 +77,7 @@ pub(super) fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Res
     })
 }
 
-/// What `--strict` means.
+/// The strictness that `--strict` selects.
 pub(super) fn strictness(strict: bool) -> Strictness {
     if strict { Strictness::Strict } else { Strictness::Lenient }
 }

@@ -38,7 +38,7 @@ enum TokenCommand {
         /// Name of the holder; it becomes the author of the holder's edits
         #[arg(long, value_name = "NAME")]
         name: String,
-        /// What the holder may do
+        /// The rights of the holder
         #[arg(long, value_enum, default_value_t = ScopeArgument::View)]
         scope: ScopeArgument,
         /// How long it is valid; for ever if left out

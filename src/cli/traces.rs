@@ -24,7 +24,7 @@ use relief_server::TraceHeaders;
 /// How long a batch may take, and the last one at the end of the program.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// The way to a collector. Dropping it sends what is left.
+/// The way to a collector. Dropping it sends the remaining spans.
 #[derive(Debug)]
 pub(super) struct Traces {
     provider: SdkTracerProvider,

@@ -1,4 +1,4 @@
-//! Transfer functions from files: `--transfer` of what renders, and `relief presets convert`.
+//! Transfer functions from files: `--transfer` of commands that render, and `relief presets convert`.
 //!
 //! Only this module opens files. Over HTTP a path would let clients read the server's files, so a
 //! request contains the transfer function itself; `relief presets convert` prints it.

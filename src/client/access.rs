@@ -1,4 +1,4 @@
-//! What a client shows and expects of a server: a token, and the authorities that it trusts.
+//! A client's credentials and trust: a token, and the authorities that it accepts.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use tokio_rustls::TlsConnector;
 
 use super::address::ServerAddress;
 
-/// What a client shows and expects of a server.
+/// A client's credentials, and the authorities that it accepts.
 #[derive(Clone, Default)]
 pub struct Access {
     token: Option<String>,

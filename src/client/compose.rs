@@ -116,7 +116,7 @@ impl Composer {
         Ok(Composed { header, layout, frame, header_problem })
     }
 
-    /// What the views of a frame are made of; they are made anew for other eyes.
+    /// The layers that the views of a frame are made of; they are made anew for other eyes.
     pub(crate) fn layers(
         &self,
         output: &ViewsOutput,

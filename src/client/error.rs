@@ -48,7 +48,7 @@ pub enum ClientError {
     Removed {
         /// Where.
         server: ServerAddress,
-        /// What the server said of it, after a colon; may be empty.
+        /// The server's reason, after a colon; may be empty.
         reason: String,
     },
     /// The session is over, and another connection would not change that.

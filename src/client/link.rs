@@ -48,13 +48,13 @@ pub struct Options {
     pub server: ServerAddress,
     /// Certificates: the own ones for the server, and those accepted from it.
     pub access: Access,
-    /// What for.
+    /// The hello of the session.
     pub hello: Hello,
     /// Whether to wait for a server or a volume that is not there yet, and for one that was removed.
     pub wait: bool,
 }
 
-/// What happens in a session, in its order.
+/// The events of a session, in their order.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// The connection came or went.

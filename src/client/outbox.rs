@@ -1,4 +1,4 @@
-//! What waits to be sent: the newest pose wins, all else keeps its order and its place.
+//! Messages that wait to be sent: the newest pose wins, all else keeps its order and its place.
 
 use std::collections::VecDeque;
 

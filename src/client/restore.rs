@@ -4,8 +4,8 @@ use glam::{DQuat, DVec3};
 
 use relief_live::{GrabMode, Intent, Pivot, ViewRecord};
 
-/// What brings a new view to `wanted`; `look_at_mm` is its focal point now. The preset is hello's
-/// to set.
+/// The messages that bring a new view to `wanted`; `look_at_mm` is its focal point now. The preset
+/// is set by hello.
 ///
 /// A look from the front is a known orientation P = Rx(90 degrees). A hand then turns by Q and
 /// moves by d: view_from_patient becomes Q P⁻¹, and the focal point goes to d in view.

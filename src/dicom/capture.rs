@@ -30,7 +30,7 @@ pub struct CapturedPicture {
     pub rgb: Vec<u8>,
 }
 
-/// What an object says of its pictures.
+/// An object's description of its pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureOptions {
     /// Description of the series that the objects form, at most 64 characters.

@@ -81,7 +81,7 @@ pub(super) fn unwrapped(data: Vec<u8>) -> Vec<u8> {
     Vec::new()
 }
 
-/// The next box: its type, its content, and what follows (I.4).
+/// The next box: its type, its content, and the bytes behind it (I.4).
 fn next_box(data: &[u8]) -> Option<([u8; 4], &[u8], &[u8])> {
     let (length, rest) = data.split_first_chunk::<4>()?;
     let (kind, rest) = rest.split_first_chunk::<4>()?;
@@ -121,7 +121,7 @@ fn read_jpeg(mut data: &[u8]) -> Option<Header> {
     }
 }
 
-/// The next marker segment: its marker, its bytes without the length, and what follows.
+/// The next marker segment: its marker, its bytes without the length, and the bytes behind it.
 pub(super) fn segment(data: &[u8]) -> Option<(u8, &[u8], &[u8])> {
     let start = data.iter().position(|&byte| byte != 0xFF)?;
     // At least one fill byte FF before the marker code.

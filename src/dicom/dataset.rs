@@ -25,10 +25,10 @@ pub(super) enum Encoding {
     ExplicitBig,
 }
 
-/// What of each element is kept, by its tag.
+/// Decides by its tag how much of an element is kept.
 pub(super) type KeepOf = fn(Tag) -> Retention;
 
-/// What to do with an element.
+/// The treatment of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Retention {
     Nothing,

@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::progress::Stage;
 use relief_base::Budget;
 
-/// What to do about files that are defective.
+/// The treatment of defective files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strictness {
     /// Leave them out, with a warning.

@@ -186,7 +186,7 @@ struct Reason {
 }
 
 impl Reasons {
-    /// Lines about files or series: the name of each, and what is said of it.
+    /// Lines about files or series: the name of each, and a message.
     pub(super) fn about(lines: impl IntoIterator<Item = (String, String)>) -> Self {
         Self(lines.into_iter().map(|(name, text)| Reason { name: Some(name), text }).collect())
     }
@@ -348,13 +348,13 @@ pub enum Defect {
         attribute: Attribute,
         /// The value.
         found: String,
-        /// What should be there.
+        /// The expected content.
         expected: &'static str,
     },
     /// No Pixel Data.
     #[error("Pixel Data (7FE0,0010): missing, expected {expected}")]
     NoPixels {
-        /// What should be there.
+        /// The expected content.
         expected: String,
     },
     /// Too few pixels.
@@ -413,7 +413,7 @@ pub enum Defect {
     Codestream {
         /// The values of the codestream's own header.
         found: String,
-        /// What Rows, Columns and SamplesPerPixel say.
+        /// The size by Rows, Columns and SamplesPerPixel.
         expected: String,
     },
     /// The decoder gave up.

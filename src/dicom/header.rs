@@ -1,4 +1,4 @@
-//! What one file says about its CT slices: geometry, rescale and pixel layout of every frame.
+//! The description of CT slices in one file: geometry, rescale and pixel layout of every frame.
 //!
 //! Classic CT objects have one frame and say everything at the top level; enhanced ones say it in
 //! functional groups, shared by all frames or per frame (PS3.3 A.38.1, C.7.6.16). Nothing is
@@ -163,7 +163,7 @@ fn keep(tag: Tag) -> Retention {
     }
 }
 
-/// Reads a file's header, up to its pixels. What is kept of it counts in the budget.
+/// Reads a file's header, up to its pixels. Kept parts of it count in the budget.
 ///
 /// # Errors
 /// [`Rejection::Unwanted`] for sound objects other than CT slices, else the defect of the

@@ -36,7 +36,7 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// The study and series it came from.
     pub identity: SeriesIdentity,
-    /// What objects of DICOM say of the series; none where it came from elsewhere, or lacks UIDs.
+    /// The series' identity for DICOM objects; none where it came from elsewhere, or lacks UIDs.
     pub reference: Option<Arc<SeriesReference>>,
     /// Set at once when resampling drops the stack; else taken from the volume when asked for.
     stack_sha256: OnceLock<[u8; 32]>,

@@ -1,4 +1,4 @@
-//! What other objects say of a series that they are about: its patient and study, its frame of
+//! The attributes of a series that objects about it repeat: its patient and study, its frame of
 //! reference, its images.
 //!
 //! A report or a segmentation repeats these values word for word (PS3.3 A.1.2.3, C.17.2.1);

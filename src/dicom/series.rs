@@ -20,13 +20,13 @@ const DIRECTION_TOLERANCE: f64 = 1e-3;
 /// How far pixel spacings of one series may differ, as a fraction.
 const SPACING_TOLERANCE: f64 = 1e-3;
 
-/// A CT series that can be loaded: its slices and what their headers say. `Debug` shows no UIDs.
+/// A CT series that can be loaded: its slices and their headers. `Debug` shows no UIDs.
 #[derive(Clone)]
 pub struct SeriesEntry {
     uid: String,
     pub(super) frames: Vec<FrameHeader>,
     pub(super) warnings: Vec<Warning>,
-    /// What reading its files may still take.
+    /// The resources that reading its files may still take.
     pub(super) budget: Budget,
 }
 

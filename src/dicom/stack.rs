@@ -138,7 +138,7 @@ impl Stack {
         gaps.get(gaps.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// What keeps the stack from being a regular grid.
+    /// The deviation that keeps the stack from being a regular grid.
     pub(super) fn deviation(&self) -> Deviation {
         let gap = self.mean_gap_mm();
         let grid = (0..self.len()).map(|k| k as f64 * gap);
@@ -167,7 +167,7 @@ impl Deviation {
         self == Self { tilt_deg: None, uneven_mm: None }
     }
 
-    /// What to tell the user after resampling to slices `spacing_mm` apart.
+    /// Warnings for the user after resampling to slices `spacing_mm` apart.
     pub(super) fn warnings(self, spacing_mm: f64) -> Vec<Warning> {
         let tilt = self.tilt_deg.map(|angle| {
             let message = format!(

@@ -37,7 +37,7 @@ pub enum ObjectError {
         path: String,
         /// The value.
         found: String,
-        /// What should be there.
+        /// The expected content.
         expected: &'static str,
     },
 }

@@ -43,7 +43,7 @@ pub struct SeriesLabels {
     pub window_hu: (i32, i32),
 }
 
-/// What to do with a folder that is already there and not empty.
+/// The treatment of a folder that is not empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExistingFolder {
     /// Refuse.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use relief_base::DepthLimits;
 
-/// What depth limits follow where a request gives none.
+/// The rule for depth limits where a request gives none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DepthRange {

@@ -134,7 +134,7 @@ pub fn inspect_png(file: &[u8]) -> Result<FrameReport, InspectError> {
     Ok(read_png(file)?.1)
 }
 
-/// The pixels of a PNG file, and what [`inspect_png`] says of them.
+/// The pixels of a PNG file, and the findings of [`inspect_png`].
 ///
 /// # Errors
 /// As [`inspect_png`].
@@ -302,7 +302,7 @@ fn disparity_extent(layout: Layout, width: usize, samples: &[u8]) -> DepthExtent
     DepthExtent::of(lines.flat_map(|line| line[3 * (width / 2)..].iter().step_by(3).map(|&d| u16::from(d))))
 }
 
-/// What IHDR says of the samples.
+/// The format of samples by IHDR.
 struct PngHeader {
     bit_depth: u8,
     color_type: u8,

@@ -15,7 +15,7 @@ pub enum FrameProblem {
     FrameSize {
         /// Width and height.
         found_px: [u32; 2],
-        /// What would be right.
+        /// The expected value.
         expected: &'static str,
     },
     /// The header is missing or wrong.
@@ -92,7 +92,7 @@ impl FrameProblem {
         }
     }
 
-    /// What to do about it.
+    /// The remedy.
     #[must_use]
     pub const fn advice(&self) -> &'static str {
         match self {

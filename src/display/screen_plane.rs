@@ -1,7 +1,7 @@
 //! Which point of the patient lies on the plane of the screen.
 //!
-//! What lies on the plane of the screen is sharpest on a display of several views. Spaces: patient
-//! LPS in mm; view depth in mm.
+//! A display of several views is sharpest on the plane of the screen. Spaces: patient LPS in mm;
+//! view depth in mm.
 
 use relief_base::{DepthLimits, ScaledDepth};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -27,7 +27,7 @@ impl Serialize for ScreenPlane {
     }
 }
 
-/// By hand, so that a refusal names what is allowed.
+/// By hand, so that a refusal names the allowed values.
 impl<'de> Deserialize<'de> for ScreenPlane {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
@@ -74,7 +74,7 @@ mod tests {
                 assert!(is_tight, "{found:?} is wider than it has to be");
             }
         }
-        // A point far behind does not flatten what is visible.
+        // A point far behind does not flatten the visible part.
         let behind = limits_around(limits, 5000.0, ScaledDepth(0.5));
         assert_eq!(behind, limits_around(limits, 800.0, ScaledDepth(0.5)));
     }

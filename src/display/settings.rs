@@ -48,9 +48,9 @@ pub struct DisplaySettings {
     pub panel: Option<LensPanel>,
     /// The filter of depth before it becomes Z or D. Picks and depth in mm are never filtered.
     pub depth_filter: DepthFilter,
-    /// What the limits below follow where they are `null`.
+    /// The rule for the limits below where they are `null`.
     pub depth_range: DepthRange,
-    /// What lies on the plane of the screen; `null` leaves that to the limits.
+    /// The point on the plane of the screen; `null` leaves that to the limits.
     pub screen_plane: Option<ScreenPlane>,
     /// View depth that becomes Z = 0, mm.
     pub near_mm: Option<f64>,

@@ -20,7 +20,7 @@ pub enum EstimateError {
     /// The network's inputs are not one picture.
     #[error("the network takes {found}; it has to take one tensor of 1 x 3 x height x width")]
     Input {
-        /// What it takes.
+        /// The inputs that it has.
         found: String,
     },
     /// The network's output is not one value a pixel.

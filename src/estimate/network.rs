@@ -21,7 +21,7 @@ use crate::joint;
 /// Largest file of a network that is loaded: Depth Anything's large one has 1.3 GB.
 pub const MAX_NETWORK_BYTES: u64 = 2 << 30;
 
-/// The built-in network. docs/ESTIMATED_DEPTH.md says what it was trained on.
+/// The built-in network. docs/ESTIMATED_DEPTH.md names its training data.
 static OWN: &[u8] = include_bytes!("depth.onnx");
 
 /// Name of the output of networks that give closeness.

@@ -1,4 +1,4 @@
-//! What a conversion needs beside the bytes or items, and its result.
+//! The inputs of a conversion beside the bytes or items, and its result.
 
 use relief_annotation::{ContentId, FrameOfReference, Item};
 use relief_dicom::SeriesReference;

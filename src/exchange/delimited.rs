@@ -1,4 +1,4 @@
-//! What tables of text share: rows with their lines, and fields with their columns.
+//! Parts that tables of text share: rows with their lines, and fields with their columns.
 
 use super::{ExchangeError, Format};
 

@@ -1,4 +1,4 @@
-//! Why a file is refused, or cannot be written: what, where, and what to do.
+//! Reasons for refusing or not writing a file: the fault, its place, and the remedy.
 
 use super::Format;
 use relief_annotation::{ItemError, MeshFileError};

@@ -37,7 +37,7 @@ pub(super) struct Extra {
 }
 
 impl Extra {
-    /// What every format lacks. The rest is for each format to add.
+    /// The losses of every format. Each format adds its own.
     pub(super) fn of(item: &Item) -> Self {
         Self {
             id: Some(item.id),

@@ -48,7 +48,7 @@ pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<Le
     Ok((kept, lost))
 }
 
-/// What gets lost of items that are kept.
+/// The fields that are lost of items that are kept.
 fn fields(format: Format, holds: Representable, kept: &[&Item], lost: &mut Vec<LeftOut>) {
     let none = format!("{format} has none");
     type Has = fn(&Item) -> bool;

@@ -150,7 +150,7 @@ fn named(item: &Item) -> [String; 3] {
     [item.set.clone(), item.list.clone(), item.name.clone()]
 }
 
-/// An item with what every format says of it taken from a file: the rest is as it was.
+/// An item with the properties that every format holds taken from a file; the rest is as it was.
 fn updated(current: &Item, read: Item) -> Item {
     let mut geometry = read.geometry;
     // Files of other tools say neither whether a curve is smooth, nor the last digits of what did

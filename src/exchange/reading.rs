@@ -1,5 +1,5 @@
-//! What readers of all formats share: new items of a context, their checks, and warnings that are
-//! counted.
+//! Parts that readers of all formats share: new items of a context, their checks, and warnings that
+//! are counted.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 

@@ -17,7 +17,7 @@ use relief_volume::{Orbit, Volume};
 const CASE_FILE: &str = "case.toml";
 const SCENE_FILE: &str = "scene.json";
 
-/// A picture to render and what to compare of it.
+/// A picture to render, and the parts of it to compare.
 #[derive(Clone, Debug)]
 pub struct Case {
     id: CaseId,

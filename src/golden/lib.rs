@@ -8,14 +8,14 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `case.toml` | purpose, volume, tolerance by name, what is compared |
+//! | `case.toml` | purpose, volume, tolerance by name, compared parts |
 //! | `scene.json` | the scene, in the JSON that users write |
 //! | `color.png` | expected colour and coverage (RGBA, 8 bits) |
 //! | `depth.exr` | expected view depth, mm, `+inf` where a ray hits nothing |
 //! | `frame.png` | expected frame as a display takes it (RGB, 8 bits) |
 //!
 //! ```toml
-//! purpose = "one sentence: what the picture shows, and what would spoil it"
+//! purpose = "one sentence: the content of the picture, and faults that would change it"
 //! tolerance = "strict"
 //! compare = ["color", "depth"]
 //!

@@ -1,4 +1,4 @@
-//! The child: takes a job, gives its rights away, reads the file, and sends what it found.
+//! The child: takes a job, gives its rights away, reads the file, and sends the result.
 //!
 //! Its standard input is the file or folder; its standard output is a socket to the parent, in both
 //! directions; its standard error is the file of the windows.
@@ -21,7 +21,7 @@ use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::load_labels;
 use relief_volume::{Grid, LabelMap};
 
-/// What messages call a label map.
+/// The name of a label map in messages.
 const SUBJECT: &str = "the uploaded file";
 
 /// Memory of the program itself: its code, stacks of its threads, and buffers of decoders.
@@ -69,7 +69,7 @@ fn work(job: &Job, held: Held, socket: &mut (impl Read + Write), windows: &Windo
     }
 }
 
-/// What this process is still able to do.
+/// The rights that are left to this process.
 fn remaining_rights(held: Held) -> RemainingRights {
     // Nothing listens at this port: a call that passes the filter is refused by the other side.
     let connected = std::net::TcpStream::connect(("127.0.0.1", 9));

@@ -13,7 +13,7 @@ use relief_volume::{Grid, GridError, Segment};
 pub(crate) enum Job {
     /// The series of a file or folder.
     List {
-        /// What reading may take.
+        /// The resources that reading may take.
         limits: ReadLimits,
         /// Whether the contents of series are hashed, which reads all of their files.
         hashes_contents: bool,
@@ -29,14 +29,14 @@ pub(crate) enum Job {
     },
     /// A file of annotations.
     Annotations(Box<AnnotationJob>),
-    /// No file: the child tries what it must not do.
+    /// No file: the child tries forbidden actions.
     Probe(Probe),
 }
 
 /// Which series a child reads, and how.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SeriesChoice {
-    /// What refusals call the file or folder, whose own name may be that of a patient.
+    /// The name of the file or folder in refusals: its own may be that of a patient.
     pub subject: String,
     /// The series; the only one if absent.
     pub uid: Option<String>,
@@ -86,7 +86,7 @@ pub struct ListedSeries {
     pub sha256: Option<String>,
 }
 
-/// What a child read from headers before it reads voxels.
+/// The result of reading headers, before voxels are read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FoundSeries {
     /// Columns, rows and slices of the volume.
@@ -95,7 +95,7 @@ pub struct FoundSeries {
     pub sha256: Option<String>,
 }
 
-/// What reading may take.
+/// The resources that reading may take.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct ReadLimits {
     /// Most bytes of voxels.
@@ -106,7 +106,7 @@ pub(crate) struct ReadLimits {
     pub(crate) unpacked_bytes: u64,
 }
 
-/// What a child tries.
+/// The task of a child.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Probe {
     /// To open a file, to connect, to start a program.
@@ -167,7 +167,7 @@ pub(crate) struct AnnotationJob {
     pub(crate) most_bytes: u64,
 }
 
-/// What a child answers.
+/// The answer of a child.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Answer {
     /// The series of a file or folder, at least one.
@@ -182,13 +182,13 @@ pub(crate) enum Answer {
     Labels { grid: WireGrid, segments: Vec<WireSegment>, warnings: Vec<String> },
     /// Annotations; their contents follow, one behind the other.
     Annotations { items: Vec<Item>, contents: Vec<WireContent>, warnings: Vec<String> },
-    /// What the child was able to do.
+    /// The rights that were left to the child.
     Probed(RemainingRights),
     /// The file is not what it should be.
     Refused { kind: Refusal, reason: String },
 }
 
-/// What a file was refused for.
+/// The reason for refusing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Refusal {
     /// Its content.

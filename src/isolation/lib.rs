@@ -2,7 +2,7 @@
 //! file of annotations.
 //!
 //! What it is: [`IsolatedReader`] starts the program again as `relief decode-worker`, gives it the
-//! file or folder and a job, and checks what comes back; [`serve`] is that child. A file that makes a decoder
+//! file or folder and a job, and checks the answer; [`serve`] is that child. A file that makes a decoder
 //! crash, hang or allocate without end costs one child, and code that it might run has no rights:
 //! limits of memory, processor time and descriptors, no files but its own (Landlock), no network and
 //! no programs (seccomp). What it is not: a reader of its own (see `relief_dicom`, `relief_exchange`).

@@ -1,4 +1,4 @@
-//! The parent: starts a child for a file, waits within limits of time, and checks what comes back
+//! The parent: starts a child for a file, waits within limits of time, and checks the answer
 //! as it would check the file.
 
 use std::fs::File;
@@ -42,7 +42,7 @@ pub struct IsolatedReader {
     program: PathBuf,
 }
 
-/// What a file or folder contains.
+/// The content of a file or folder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Listing {
     /// A volume in NIfTI or NRRD, on this grid.
@@ -66,7 +66,7 @@ pub enum IsolationError {
     /// It took too long.
     #[error("reading the file took longer than {} s", PATIENCE.as_secs())]
     TooLong,
-    /// Nobody waits for the result any more.
+    /// No caller waits for the result any more.
     #[error(transparent)]
     Cancelled(#[from] BudgetError),
     /// The memory of this machine is too small for the result.
@@ -78,12 +78,12 @@ pub enum IsolationError {
     /// The child cannot be started, or the file cannot be opened.
     #[error("the reader cannot be started")]
     Start(#[source] Error),
-    /// The caller does not want what was found.
+    /// The caller refuses the result.
     #[error("{0}")]
     Unwanted(Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// What ended a child, in words.
+/// The cause of a child's end, in words.
 fn ending(status: &std::process::ExitStatus) -> String {
     match (status.signal(), status.code()) {
         (Some(signal), _) if signal == SIGXCPU => "it needs too much processor time".to_owned(),
@@ -228,7 +228,7 @@ impl IsolatedReader {
         Ok(Imported { items, contents, warnings })
     }
 
-    /// What a child on this system can still do, found by trying.
+    /// The rights that are left to a child on this system, found by trying.
     ///
     /// # Errors
     /// When no child can be started.

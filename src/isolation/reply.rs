@@ -1,4 +1,4 @@
-//! What the child's readers share: the path of the given file or folder, and a refusal.
+//! Parts that the child's readers share: the path of the given file or folder, and a refusal.
 
 use std::io::{Result, Write};
 

@@ -38,7 +38,7 @@ pub(crate) enum SandboxError {
     Filter(#[source] seccompiler::BackendError),
 }
 
-/// What holds this process.
+/// The restrictions of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Held {
     /// Whether it opens no file but the one that it was given.
@@ -89,7 +89,7 @@ fn forbid_files(file: impl AsFd) -> Result<bool, SandboxError> {
 }
 
 /// No connections, no programs, no look into other processes. These calls fail with EPERM; all
-/// others pass, because decoders and the allocator differ in what they need.
+/// others pass, because decoders and the allocator differ in their needs.
 fn forbid_calls() -> Result<bool, SandboxError> {
     let denied = [
         libc::SYS_socket,

@@ -11,7 +11,7 @@ use data_encoding::HEXLOWER;
 use relief_base::Budget;
 use relief_dicom::{Discovery, Error, FormatLimits, LoadLimits, Loaded, SeriesEntry, Strictness};
 
-/// What messages call a file or folder whose series are listed.
+/// The name of a file or folder in messages, while its series are listed.
 const SUBJECT: &str = "the series' place";
 
 impl ReadLimits {

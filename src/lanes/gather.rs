@@ -48,7 +48,7 @@ impl<'a, T: Copy> Reach<'a, T> {
         Self { numbers, at, lowest, highest }
     }
 
-    /// What lies at a distance from the place of a lane.
+    /// The values at a distance from the place of a lane.
     ///
     /// # Panics
     /// When a part of it is beyond the reach.

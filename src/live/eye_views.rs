@@ -29,7 +29,7 @@ impl EyeViewQuality {
     }
 }
 
-/// What a server renders for one request.
+/// The limits of views in one request.
 #[derive(Clone, Copy, Debug)]
 pub struct EyeViewLimits;
 

@@ -61,8 +61,8 @@ pub struct ViewsOutput {
     pub tracked_eyes: Option<[f64; 2]>,
 }
 
-/// What views are made of: a picture and its disparity in full size, and the background layer where
-/// there is one.
+/// The layers that views are made of: a picture and its disparity in full size, and the background
+/// layer where there is one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReceivedLayers {
     /// The header before them.
@@ -198,7 +198,7 @@ impl ReceivedFrame {
         self.pack(&encoder, curve)
     }
 
-    /// What a display's views are made of. `layout` is named in the error.
+    /// The layers that a display's views are made of. `layout` is named in the error.
     ///
     /// # Errors
     /// When the frame has no depth where the layout needs one.

@@ -110,7 +110,7 @@ pub struct FrameHeader {
     pub limits_mm: [f32; 2],
     /// H1 to H4 of the display's header.
     pub display: [u8; 4],
-    /// What to compose.
+    /// The layout to compose.
     pub layout: LiveLayout,
     /// Bytes of colour behind the header.
     pub color_bytes: u32,
@@ -204,7 +204,7 @@ impl FrameHeader {
         HEADER_BYTES as u64 + u64::from(self.color_bytes) + u64::from(self.depth_bytes)
     }
 
-    /// What took time on the server beside rendering and waiting, µs.
+    /// The time that the server spent on other work than rendering and waiting, µs.
     #[must_use]
     pub const fn overhead_us(&self) -> u32 {
         self.total_us.saturating_sub(self.render_us).saturating_sub(self.wait_us)
@@ -333,7 +333,7 @@ impl FrameHeader {
         Ok(header)
     }
 
-    /// What no encoder writes, of a header whose fields are known one by one.
+    /// Checks a header whose fields are valid one by one for combinations that no encoder writes.
     fn check(&self, flags: u8) -> Result<(), FrameError> {
         if flags != self.flags() {
             let allowed = "bits 1, 2, 4 and 8; 1 where colour is lossless, 2 where both sizes are equal";

@@ -8,7 +8,7 @@ pyo3::create_exception!(
     relief,
     ReliefError,
     pyo3::exceptions::PyValueError,
-    "What failed, where, why and what to do."
+    "An error of Relief: the failure, its place, its cause and the remedy."
 );
 
 /// An error and its causes in one line.

@@ -39,7 +39,8 @@ const FAREWELL: Duration = Duration::from_secs(2);
 /// The session of a viewer. It ends with the value.
 #[pyclass(frozen, module = "relief._native")]
 pub(crate) struct LiveSession {
-    /// What waits for Python: the server sends two frames at most before it waits for an `ack`.
+    /// Messages that wait for Python: the server sends two frames at most before it waits for an
+    /// `ack`.
     received: Mutex<Receiver<Message>>,
     outgoing: mpsc::Sender<Message>,
     /// `None` after the end.

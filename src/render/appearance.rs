@@ -1,5 +1,5 @@
-//! What both back ends derive from a volume and the look of a request before rays are cast: which
-//! bricks may show something, and when two requests look alike.
+//! Data that both back ends derive from a volume and the look of a request before rays are cast:
+//! which bricks may show something, and when two requests look alike.
 //!
 //! Spaces: bricks (brick index), voxel index, HU.
 

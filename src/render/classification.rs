@@ -1,4 +1,4 @@
-//! What of a ray's values a sample's colour and opacity come from.
+//! The values of a ray that give a sample its colour and opacity.
 
 /// How a sample of mode composite is classified.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]

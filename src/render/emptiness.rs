@@ -32,7 +32,7 @@ pub enum EmptyCause {
     Transfer([i16; 2]),
     /// Clips or hidden segments remove everything that is visible.
     Clip,
-    /// The rays miss what is left.
+    /// The rays miss the rest.
     Camera,
 }
 

@@ -1,4 +1,4 @@
-//! What of a volume a picture shows, for cameras that are fitted to it.
+//! The visible part of a volume, for cameras that are fitted to it.
 //!
 //! Spaces: patient mm. It is an estimate from coarse cells (see [`Occupancy`]): what hides what, and
 //! opacity by gradient, do not count.
@@ -11,11 +11,11 @@ use super::request::{Clip, RenderRequest};
 use relief_base::{Patient, Point, Voxel};
 use relief_volume::{Framing, Grid, LabelMap, Occupancy, Orbit};
 
-/// What a camera is fitted to where a scene has none.
+/// The part of a volume that a camera is fitted to where a scene has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FramingRule {
-    /// What the transfer function, clips and segments show.
+    /// The part that the transfer function, clips and segments show.
     #[default]
     Visible,
     /// All tissue, whatever the transfer function shows of it: as live views, whose transfer function

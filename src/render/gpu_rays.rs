@@ -87,7 +87,7 @@ impl GpuRays {
         &self.gpu
     }
 
-    /// What volumes may need.
+    /// The limits of volumes.
     pub(super) fn volume_limits(&self) -> VolumeLimits {
         self.store.limits
     }

@@ -1,4 +1,4 @@
-//! Label maps on the GPU: a texture of places in the list of segments, and what occurs in which
+//! Label maps on the GPU: a texture of places in the list of segments, and the segments of each
 //! brick.
 
 use super::request::RenderRequest;
@@ -82,7 +82,7 @@ impl LabelMaps {
         self.last(request).map_or(&self.none, |labels| &labels.view)
     }
 
-    /// What occurs in the bricks of a request whose map went up last.
+    /// The segments in the bricks of a request whose map went up last.
     pub(super) fn segments(&self, request: &RenderRequest) -> Option<&BrickLabels> {
         self.last(request).map(|labels| &labels.bricks)
     }

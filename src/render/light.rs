@@ -1,4 +1,4 @@
-//! Lights that are placed: where they are, in whose space, how large, bright and of what colour.
+//! Placed lights: their place and its space, size, brightness and colour.
 //!
 //! A light of intensity 1 makes a white surface that faces it white, at whatever distance. `View`
 //! lights move with the camera, `Patient` lights stay with the patient. Lengths mm, angles in

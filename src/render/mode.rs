@@ -1,4 +1,4 @@
-//! How the samples of a ray become a colour: the modes, their names, and what each takes of a
+//! How the samples of a ray become a colour: the modes, their names, and the part that each takes of a
 //! transfer function.
 //!
 //! The modes' formulas are in `shaders/` and in `render::processor`.

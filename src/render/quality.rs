@@ -5,7 +5,7 @@ use super::request::RenderRequest;
 use super::request_error::RequestError;
 use relief_volume::Grid;
 
-/// What a picture is for.
+/// The purpose of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quality {

@@ -147,7 +147,7 @@ pub struct RenderRequest {
     pub lights: Vec<Light>,
     /// Shadows of the lights and occlusion by surroundings, for modes composite and isosurface.
     pub illumination: Illumination,
-    /// What mode path-traced takes beside.
+    /// The settings of mode path-traced.
     pub path_trace: PathTrace,
 }
 

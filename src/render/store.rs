@@ -52,7 +52,8 @@ impl VolumeLimits {
     /// too. Its voxels are large beside its samples, and so are bricks of four.
     const QUICK_BRICKS: u64 = 1 << 20;
 
-    /// What the processor's ray caster takes: places of voxels have 31 bits, and it has no gradients.
+    /// The limits of the processor's ray caster: places of voxels have 31 bits, and it has no
+    /// gradients.
     pub(super) fn of_processor() -> Self {
         Self {
             side: i32::MAX as usize,

@@ -11,7 +11,7 @@ use super::mode::Mode;
 use super::request::RenderRequest;
 use relief_volume::{TransferFunction, TransferTable};
 
-/// What samples look up.
+/// The tables that samples look up.
 pub(super) struct Tables {
     /// The table of the request's own transfer function.
     pub(super) own: TransferTable,

@@ -47,7 +47,7 @@ impl Target {
     }
 }
 
-/// What the rays of a cast skip and write.
+/// The space that the rays of a cast skip, and the pixels that they write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct CastOptions {
     pub(super) skipping: EmptySpaceSkipping,

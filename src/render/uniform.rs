@@ -1,6 +1,6 @@
 //! The Rust mirror of `struct Frame` in `shaders/lib/frame.wgsl`, and how a request fills it.
 //!
-//! The test below compares names, offsets and sizes with what naga reads out of the shader.
+//! The test below compares names, offsets and sizes with naga's reflection of the shader.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -187,7 +187,7 @@ mod tests {
     use super::super::table_storage::TableStorage;
     use super::FrameUniform;
 
-    /// What naga reads out of the stage, with the transfer table in either place.
+    /// The stage as naga reads it, with the transfer table in either place.
     fn reflected() -> [naga::Module; 2] {
         [TableStorage::Uniform, TableStorage::Storage].map(|table| {
             naga::front::wgsl::parse_str(&stage_sources(table, RAYCAST).join("\n"))

@@ -35,7 +35,7 @@ struct ViewJob {
     has_back: u32,
 }
 
-/// What makes views on the adapter of a choice: [`AdapterChoice::Best`] takes a graphics card where
+/// The synthesiser on the adapter of a choice: [`AdapterChoice::Best`] takes a graphics card where
 /// there is one, and the processor elsewhere.
 ///
 /// # Errors

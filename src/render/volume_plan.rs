@@ -1,4 +1,4 @@
-//! What a volume takes on the adapter.
+//! The memory of a volume on the adapter.
 
 /// The memory of a volume on an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

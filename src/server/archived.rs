@@ -60,7 +60,7 @@ pub trait SeriesArchives: Send + Sync {
     fn store(&self, archive: usize, object: Vec<u8>) -> Result<StoredResult, Failure>;
 }
 
-/// What an archive did with an object.
+/// The outcome of storing an object in an archive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoredResult {
     /// It was stored.
@@ -79,7 +79,7 @@ pub enum StoredResult {
 pub struct LoadSteps<'a> {
     /// Gets the number of files that have arrived, and the number of all files.
     pub progress: Arc<dyn Fn(usize, usize) + Send + Sync>,
-    /// Makes room for so many bytes of voxels.
+    /// Makes room for this many bytes of voxels.
     pub make_room: &'a dyn Fn(u64) -> Result<(), MemoryFull>,
 }
 

@@ -28,7 +28,7 @@ use relief_base::sha256_of;
 const WAITING: usize = 8192;
 /// Longest line.
 const MOST_LINE_BYTES: u64 = 4096;
-/// What the first record names as its predecessor.
+/// The predecessor of the first record.
 const FIRST: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Why an audit log cannot be used.
@@ -58,7 +58,7 @@ pub enum AuditError {
     },
 }
 
-/// What a check of an audit log found.
+/// The result of checking an audit log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditSummary {
     /// Whole records.

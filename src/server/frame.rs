@@ -201,7 +201,7 @@ fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Sce
     Ok(scene)
 }
 
-/// What a request for a picture is answered with.
+/// The answer to a request for a picture.
 pub(super) struct Reply {
     pub(super) method: Method,
     pub(super) product: Product,

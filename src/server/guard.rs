@@ -1,4 +1,5 @@
-//! What stands before the handlers: who may ask, how long it may take, how much it may send.
+//! Checks before the handlers: who may ask, how long an answer may take, how much a request may
+//! send.
 //!
 //! There is no CORS: pages of other sites can neither read nor embed answers. Requests with host
 //! names that a page could resolve to a loopback address are refused by `Host`, cross-site writes

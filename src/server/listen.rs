@@ -113,7 +113,7 @@ pub async fn serve(
     let all = async { while connections.join_next().await.is_some() {} };
     match tokio::time::timeout(limits.drain_timeout, all).await {
         Ok(()) => Shutdown::Whole,
-        Err(_) => Shutdown::CutOff, // dropping the set ends what is left
+        Err(_) => Shutdown::CutOff, // dropping the set ends the other connections
     }
 }
 

@@ -1,4 +1,4 @@
-//! What headers of a request say about the answer: the media type, and whether the client has it
+//! The demands of a request's headers on the answer: the media type, and whether the client has it
 //! already.
 //!
 //! RFC 9110, 12.5.1: each offer gets the weight of the most specific range that matches it; the
@@ -28,7 +28,7 @@ pub(super) fn negotiate(headers: &HeaderMap, offers: &[FileFormat]) -> Result<Fi
     let best = weighed.rev().max_by(|(_, a), (_, b)| a.total_cmp(b)).filter(|(_, weight)| *weight > 0.0);
     best.map(|(media, _)| media).ok_or_else(|| {
         let names: Vec<&str> = offers.iter().map(|media| media.media_type()).collect();
-        let detail = format!("none of what Accept allows is on offer; on offer: {}", names.join(", "));
+        let detail = format!("Accept allows no media type of this answer; they are: {}", names.join(", "));
         Problem::new(StatusCode::NOT_ACCEPTABLE, "not-acceptable", detail).with("offers", Value::from(names))
     })
 }

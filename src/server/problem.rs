@@ -91,7 +91,7 @@ impl Problem {
         Value::Object(document)
     }
 
-    /// What failed here, for the log.
+    /// The cause of a failure, for the log.
     pub(super) fn cause(&self) -> Option<&str> {
         self.cause.as_deref()
     }

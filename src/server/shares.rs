@@ -15,7 +15,7 @@ use super::identity::Caller;
 /// waits.
 const PICTURES_AT_ONCE: usize = 2;
 
-/// What callers hold.
+/// The resources that callers hold.
 pub(super) struct Shares {
     most: usize,
     held: Mutex<HashMap<Arc<str>, usize>>,

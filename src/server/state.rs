@@ -78,7 +78,7 @@ pub struct Config {
     /// Most bytes of voxels and label maps in host memory, of all volumes together. Render requests
     /// that wait or run hold theirs in addition.
     pub memory_bytes: u64,
-    /// What the names of volumes are made of.
+    /// The source of the names of volumes.
     pub volume_names: NameSource,
     /// Most bytes of contents of annotations (regions, meshes) in the log, after which imports of
     /// more are refused.

@@ -97,7 +97,8 @@ pub(super) struct ReceivedUpload {
 }
 
 /// Steps that all uploads share: permission, media type, transfer to a temporary file, and the turn
-/// to be read. One caller has one upload at a time. A file has at most `most_bytes`, and what the limits of uploads allow.
+/// to be read. One caller has one upload at a time. A file has at most `most_bytes`, and no more than
+/// the limits of uploads allow.
 pub(super) async fn take_in(
     config: &Config,
     uploads: &Uploads,

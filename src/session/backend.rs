@@ -28,7 +28,7 @@ pub struct InjectedFault {
     left: u32,
 }
 
-/// What fails.
+/// The kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// The device is lost before the picture.

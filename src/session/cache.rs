@@ -9,7 +9,7 @@ use std::sync::Arc;
 use relief_render::{RenderRequest, RenderedFrame};
 use relief_volume::ContentHash;
 
-/// What makes two orders equal.
+/// The identity of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FrameKey {
     pub(super) volume: ContentHash,

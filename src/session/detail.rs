@@ -8,8 +8,9 @@ const LEAST_SIDE: usize = 16;
 /// Pixels of a moving picture are at least this wide, in voxels, where coarse voxels do.
 const LEAST_PIXEL: f64 = 0.8;
 
-/// What a moving picture of this request is cast through: coarse voxels where a pixel at the
-/// focal point is about a voxel wide or wider, so that a coarse voxel covers two pixels at most.
+/// The detail that a moving picture of this request is cast through: coarse voxels where a pixel at
+/// the focal point is about a voxel wide or wider, so that a coarse voxel covers two pixels at
+/// most.
 ///
 /// Modes that show extremes or sums keep theirs, and so does a picture that shows the table.
 #[must_use]

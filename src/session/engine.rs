@@ -1,4 +1,4 @@
-//! What serves pictures: the render queue, the volumes, and permits for encoding.
+//! The engine that serves pictures: the render queue, the volumes, and permits for encoding.
 //!
 //! HTTP handlers and live views share one [`Engine`]. What it is not: sockets, routes, annotations.
 

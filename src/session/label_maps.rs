@@ -1,4 +1,4 @@
-//! Label maps from files, brought to the grid of the volume that they are of.
+//! Label maps from files, resampled to the grid of their volume.
 //!
 //! What it is: the function by which `relief render`, servers and batches read a label map. The
 //! beginning of the file selects the format: NIfTI, NRRD, or else DICOM segmentation. Errors
@@ -106,7 +106,7 @@ fn placed(map: &LabelMap, grid: &Grid, warnings: &mut Vec<String>) -> Result<Lab
     }
     if share < DOUBTFUL_SHARE {
         warnings.push(format!(
-            "only {:.0} % of what is labelled lies in the volume; is the label map of this scan?",
+            "only {:.0} % of the labelled space lies in the volume; is the label map of this scan?",
             100.0 * share
         ));
     }

@@ -275,7 +275,7 @@ fn work(mut backend: impl RenderBackend, jobs: &Receiver<Job>, shared: &ServiceS
     }
 }
 
-/// Takes what has arrived, without waiting.
+/// Takes the messages that have arrived, without waiting.
 fn take_all(jobs: &Receiver<Job>, waiting: &mut WaitingJobs, shared: &ServiceState) {
     while let Ok(job) = jobs.try_recv() {
         take(job, waiting, shared);

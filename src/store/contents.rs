@@ -7,11 +7,11 @@ use super::error::{Damage, StoreError};
 use super::rows::unsigned;
 use relief_annotation::{ContentId, ItemError};
 
-/// What both databases take as one value, with some room.
+/// The largest value that both databases take, with some room.
 const MOST_BYTES: usize = 900_000_000;
 
 impl Store {
-    /// Keeps bytes, and says by what name. The same bytes are kept once, with the media type that
+    /// Stores bytes, and returns their name. The same bytes are kept once, with the media type that
     /// they came with first.
     ///
     /// # Errors

@@ -200,8 +200,8 @@ mod tests {
     /// Invariant: An acknowledged edit is durable, and no edit is stored partially, whenever the
     /// process is killed.
     ///
-    /// What makes a commit durable, on every connection of both pools, and whatever the file's own
-    /// settings were.
+    /// The settings that make a commit durable hold on every connection of both pools, and whatever
+    /// the file's own settings were.
     #[tokio::test]
     async fn every_connection_waits_for_the_disk() {
         let folder = tempfile::tempdir().unwrap();

@@ -75,7 +75,7 @@ impl DatabaseAddress {
     }
 }
 
-/// Requires encryption on the way to another machine, unless the address says what it wants.
+/// Requires encryption on the way to another machine, unless the address states its own rule.
 fn encrypt(options: &mut AnyConnectOptions) {
     let url = &mut options.database_url;
     let says = |name: &str| url.query_pairs().any(|(key, _)| key == name);

@@ -1,4 +1,4 @@
-//! The tables, what refuses to alter the log, and what every connection is set to.
+//! The tables, the triggers that protect the log, and the settings of every connection.
 
 use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, Row};
 

@@ -25,7 +25,7 @@ use super::schema::number;
 
 /// The channel of PostgreSQL.
 const CHANNEL: &str = "relief_log";
-/// What words say that are of events, and of sets and templates.
+/// The words of notifications about events, and about sets and templates.
 pub(super) const EVENT: &str = "event";
 pub(super) const AUDIT: &str = "audit";
 /// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes

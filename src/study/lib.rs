@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `accuracy` | how far from a landmark does a simulated user place it? |
 //! | `agreement` | how well do several readers agree with each other and with a reference? |
-//! | `capacity` | how many viewers does this machine serve, and what would more of them need? |
+//! | `capacity` | how many viewers does this machine serve, and how many machines do more need? |
 //!
 //! Lengths in patient LPS mm.
 

@@ -60,7 +60,7 @@ impl SensorModel {
     }
 }
 
-/// What happens to reports.
+/// Faults of reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportDelivery {
     /// Standard deviation of the time between reports, ms.

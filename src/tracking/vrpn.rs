@@ -73,7 +73,7 @@ pub enum VrpnError {
     Closed,
 }
 
-/// What a message reports.
+/// The content of a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VrpnEvent {
     /// The pose of one of a tracker's sensors: `tracker_from_sensor`.

@@ -56,7 +56,7 @@ pub struct Volume {
     derived: Arc<Derived>,
 }
 
-/// What follows from the voxels; computed once for all clones.
+/// Values derived from the voxels; computed once for all clones.
 #[derive(Default)]
 struct Derived {
     hash: OnceLock<ContentHash>,

@@ -1,5 +1,5 @@
-//! Where a volume has which values, in coarse cells: what is visible under any transfer function
-//! can be bounded from it in a millisecond, also when the voxels are out of memory.
+//! The values in coarse cells of a volume: they bound the visible part under any transfer function
+//! in a millisecond, also when the voxels are out of memory.
 //!
 //! Spaces: voxel index and patient mm. A cell is a box of voxels of about 1/96 of the volume's
 //! longest side; a band is a range of 64 HU.

@@ -17,7 +17,7 @@ pub(crate) struct Orthanc {
     port: u16,
 }
 
-/// What Orthanc wants of its callers.
+/// Orthanc's checks of its callers.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Wanted {
     /// A login.

@@ -1,4 +1,4 @@
-//! `relief receive`: series that DCMTK and Orthanc send arrive whole, and what was acknowledged stays.
+//! `relief receive`: series that DCMTK and Orthanc send arrive whole, and acknowledged objects stay.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -211,8 +211,8 @@ association.release()
 print(json.dumps(seen))
 "#;
 
-/// Invariant: A caller without an address of its own gets the report in its association, with what is
-/// missing.
+/// Invariant: A caller without an address of its own gets the report in its association, with the
+/// missing objects.
 #[test]
 fn a_report_names_what_is_missing() {
     let what = "storage commitment by pynetdicom";

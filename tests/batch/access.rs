@@ -4,7 +4,7 @@
 use super::services::Nats;
 use super::*;
 
-/// What `access.py` writes, or `None` after saying aloud that there is no Python to run it.
+/// Writes the files of `access.py`; `None` after saying aloud that there is no Python to run it.
 fn secrets(what: &str, folder: &Path) -> Option<()> {
     let python = std::env::var_os("RELIEF_MOTO").map(|moto| PathBuf::from(moto).with_file_name("python"));
     let Some(python) = python.filter(|python| python.exists()) else {

@@ -107,7 +107,7 @@ impl Bucket {
         Some(bucket)
     }
 
-    /// What `relief` and others need to know.
+    /// The environment that `relief` and others need.
     pub(crate) fn environment(&self) -> [(&'static str, String); 4] {
         [
             ("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{}", self.port)),

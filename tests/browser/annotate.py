@@ -1,4 +1,4 @@
-"""Drives the page for annotations in Chromium, and prints what it saw as one JSON object.
+"""Drives the page for annotations in Chromium, and prints its findings as one JSON object.
 
 usage: annotate.py RELIEF CHROMIUM SERIES FOLDER
 

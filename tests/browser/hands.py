@@ -1,4 +1,4 @@
-"""Drives structures, curves, snapping, fingers and linked views of the page for annotations, and prints what it saw as one JSON object.
+"""Drives structures, curves, snapping, fingers and linked views of the page for annotations, and prints its findings as one JSON object.
 
 usage: hands.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
 

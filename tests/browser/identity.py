@@ -1,4 +1,4 @@
-"""Signs in to a server with tokens in Chromium, and prints what it saw as one JSON object.
+"""Signs in to a server with tokens in Chromium, and prints its findings as one JSON object.
 
 usage: identity.py RELIEF CHROMIUM SERIES FOLDER
 

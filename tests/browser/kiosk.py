@@ -1,4 +1,4 @@
-"""Drives the kiosk and monitor pages in Chromium, and prints what it saw as one JSON object.
+"""Drives the kiosk and monitor pages in Chromium, and prints its findings as one JSON object.
 
 usage: kiosk.py RELIEF CHROMIUM SERIES REPORTS
 
@@ -114,7 +114,7 @@ def view(page):
 
 
 def exactness(playwright, server):
-    """What is on the screen, against the frame that is served for the same view; with and without another profile."""
+    """The screen, against the frame that is served for the same view; with and without another profile."""
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
     query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"
     served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}"))
@@ -136,7 +136,7 @@ def exactness(playwright, server):
 
 
 def arranged(name, left, right, quilt):
-    """What an output shows, from views that the server made: both eyes, or nine views of a quilt."""
+    """The pixels of an output, from views that the server made: both eyes, or nine views of a quilt."""
     height, width = left.shape[:2]
     rows, columns = numpy.indices((height, width))
     mean = lambda a, b: (a + b + 1) // 2

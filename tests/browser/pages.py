@@ -1,4 +1,4 @@
-"""What the tests of the pages have in common: a server, a window of Chromium, and the page for annotations in one.
+"""Parts that the tests of the pages share: a server, a window of Chromium, and the page for annotations in one.
 
 With RELIEF_PAGE_URL a server that runs is used, with RELIEF_PAGE_FILES=FOLDER the pages' files come from there and not from the
 program, and with RELIEF_PAGE_SHOTS=FOLDER pictures are kept there.
@@ -45,7 +45,7 @@ axe.run(document, { resultTypes: ['violations'] }).then(({ violations, passes })
 
 
 def accessibility(page):
-    """What axe-core finds in a page as it is shown."""
+    """The findings of axe-core in a page as it is shown."""
     page.page.evaluate(AXE)
     return page.page.evaluate(VIOLATIONS)
 
@@ -202,7 +202,7 @@ class Page(Window):
         self.page.mouse.click(*self.at(pane, x, y))
 
     def asked_pick(self, pane, x, y):
-        """What the server's pick says of the pixel that a click there meets."""
+        """The server's pick at the pixel that a click there meets."""
         box, (left, top) = self.box(pane), self.at(pane, x, y)
         query = {key: value for key, value in self.asked[pane].items() if key not in ("layout", "profile", "budget_ms")}
         if pane != "volume":

@@ -1,4 +1,4 @@
-"""What the kiosk shows of a picture at rest: views that the server has rendered for its eyes.
+"""A picture at rest in the kiosk: views that the server has rendered for its eyes.
 
 They are compared with those of `relief render --views true`, whose cameras the command line makes for itself.
 """

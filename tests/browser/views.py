@@ -1,4 +1,4 @@
-"""Drives the page of the volume, and looks at all pages on screens large and small; prints what it saw as one JSON object.
+"""Drives the page of the volume, and looks at all pages on screens large and small; prints its findings as one JSON object.
 
 usage: views.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
 """
@@ -38,7 +38,7 @@ def kept(page):
 
 
 def address(browser, server):
-    """What is chosen is kept in the address, and comes back from there."""
+    """Choices are kept in the address, and come back from there."""
     page = Window(browser, server, "/#preset=skin&az=35&el=5&zoom=1.5")
     settled(page)
     page.page.check('input[name="preview"][value="anaglyph"]', force=True)

@@ -1,5 +1,5 @@
-//! What `relief render` does without being asked: it fills the picture and the display's depth,
-//! leaves the table out, and says why a picture is empty.
+//! The defaults of `relief render`: the anatomy fills the picture and the display's depth, the
+//! table is left out, and an empty picture has a warning that says why.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Arguments, errors and exit statuses of `relief client`, and what its frames say of a cursor.
+//! Arguments, errors and exit statuses of `relief client`, and the cursor in its frames.
 
 use std::io::Write;
 use std::process::Output;

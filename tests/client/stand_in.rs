@@ -149,7 +149,7 @@ pub(crate) fn orbit(azimuth_deg: f64) -> PoseKind {
     PoseKind::Orbit(relief_live::OrbitPose { azimuth_deg, elevation_deg: 0.0, zoom: None })
 }
 
-/// A client under test: its events, and what came of it.
+/// A client under test: its events, and its outcome.
 pub(crate) struct Running {
     pub(crate) handle: Handle,
     pub(crate) events: mpsc::Receiver<Event>,

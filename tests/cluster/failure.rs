@@ -116,7 +116,7 @@ fn a_server_that_is_killed_costs_no_wrong_image_and_no_annotation() {
     assert_eq!(cluster.process.stop(), Some(143), "reported to stop");
 }
 
-/// What came of it.
+/// The results of a storm.
 struct Storm {
     /// Frames that were there when the server was killed.
     killed_at: usize,

@@ -1,4 +1,4 @@
-//! What these tests stand on: series, a lone server, a cluster, and requests by hand.
+//! The stage of these tests: series, a lone server, a cluster, and requests by hand.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};

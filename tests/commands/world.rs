@@ -1,4 +1,5 @@
-//! What the documents take for granted: series, an archive, files of other tools. Made once.
+//! The files that the documents take for granted: series, an archive, files of other tools. Made
+//! once.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! Generators of hostile files: field by field, so that each field may be wrong.
 //!
-//! What each one does to a reader without limits is said where it is used.
+//! The effect of each one on a reader without limits is described where it is used.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::io::{Cursor, Read, Write};
@@ -43,7 +43,7 @@ pub(crate) fn meta(syntax: &str) -> Vec<u8> {
     bytes
 }
 
-/// What varies in the header of a slice.
+/// The parts of a slice's header that vary.
 pub(crate) struct Slice {
     pub(crate) rows: u16,
     pub(crate) bits: u16,

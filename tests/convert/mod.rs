@@ -24,7 +24,7 @@ fn ok(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// What a command that fails prints.
+/// The output of a command that fails.
 fn refusal(arguments: &[&str]) -> String {
     let output = relief(arguments);
     assert!(!output.status.success(), "{arguments:?} succeeded");

@@ -36,7 +36,7 @@ fn dicom_tool(what: &str, name: &str) -> Option<PathBuf> {
     found
 }
 
-/// What dsrdump says of a report, or why it refuses it; `None` where it is not there.
+/// The output of dsrdump for a report, or its refusal; `None` where dsrdump is missing.
 pub(crate) fn dsrdump(what: &str, file: &Path) -> Option<Result<String, String>> {
     let tool = dicom_tool(what, "dsrdump")?;
     let output = Command::new(tool).arg(file).output().unwrap();
@@ -57,7 +57,7 @@ pub(crate) fn dciodvfy(what: &str, file: &Path) -> Option<(Vec<String>, Vec<Stri
     Some((of("Error"), of("Warning")))
 }
 
-/// What OHIF makes of a report; `None` after saying aloud that it is not there.
+/// The report as OHIF reads it; `None` after saying aloud that OHIF is missing.
 pub(crate) fn ohif(what: &str, file: &Path) -> Option<serde_json::Value> {
     let Some(folder) = std::env::var_os("RELIEF_OHIF") else {
         eprintln!("SKIPPED: {what} (RELIEF_OHIF is not set, see scripts/setup-peers)");

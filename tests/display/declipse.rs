@@ -1,5 +1,5 @@
 //! Layouts with a background: what went in comes out, the header announces it, the inspection knows
-//! it, and what lacks a background or is damaged is refused.
+//! it, and a frame that lacks a background or is damaged is refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use relief_base::{DepthLimits, ScaledDepth};

@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use relief_display::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 
-/// What one public writer puts on line 0.
+/// Line 0 of one public writer.
 const SIGNAGE: &str = "F10140800000C42DD3AFF2140000000000000000000000000000000036958221";
 
 /// The pixels of line 0 whose top blue bit that header sets.

@@ -137,7 +137,7 @@ fn problems_are_named_with_code_and_numbers() {
     assert!(json["problems"][0]["message"].is_string());
 }
 
-/// What public writers get wrong, in whole frames of them.
+/// Faults of public writers, in whole frames of them.
 #[test]
 fn known_wrong_writers_are_refused_with_the_reason() {
     let whole =

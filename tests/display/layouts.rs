@@ -1,4 +1,4 @@
-//! Layouts: every frame decodes to what went in, and pixels lie where displays look for them.
+//! Layouts: every frame decodes to its inputs, and pixels lie where displays look for them.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
 use proptest::prelude::*;

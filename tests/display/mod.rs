@@ -1,5 +1,4 @@
-//! The bytes of frames: disparity, header, layouts, filters, views, files, and what reads them
-//! again.
+//! The bytes of frames: disparity, header, layouts, filters, views, files, and their readers.
 
 mod curve;
 mod declipse;

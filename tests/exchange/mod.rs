@@ -23,7 +23,7 @@ use relief_annotation::{
 use relief_base::{Patient, Point};
 use relief_exchange::{ExchangeError, ExportedFile, Format, Imported, ReadContext, WriteContext};
 
-/// What files of texts are written and read here.
+/// The formats of text that are written and read here.
 const TEXTS: [Format; 6] =
     [Format::MrkJson, Format::Fcsv, Format::Csv, Format::Tsv, Format::Mps, Format::Cornerstone];
 

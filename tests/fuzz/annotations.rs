@@ -4,7 +4,7 @@ use relief_annotation::{Item, Template};
 use relief_exchange::{Format, ReadContext};
 use relief_volume::Grid;
 
-/// What is read is valid, is written as JSON and comes back the same.
+/// Checks that read items are valid, are written as JSON and come back the same.
 fn read(format: Format, bytes: &[u8]) {
     let grid = Grid::axis_aligned([16, 16, 16], [4.0; 3], [-32.0; 3]).expect("a grid");
     let context = ReadContext {

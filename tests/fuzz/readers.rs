@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 
-/// Name of a reader, and what it does with bytes.
+/// Name of a reader, and its function on bytes.
 type Reader = (&'static str, fn(&[u8]));
 
 /// All readers.

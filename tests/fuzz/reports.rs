@@ -20,7 +20,8 @@ pub fn recording(bytes: &[u8]) {
     }
 }
 
-/// What decodes encodes to what decodes to the same; a tracker never gives a pose that is not finite.
+/// Checks that decoded reports come back the same when they are encoded and decoded; and that a
+/// tracker never gives a pose that is not finite.
 pub fn reports(bytes: &[u8]) {
     let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), TrackerOptions::default());
     for (at, chunk) in bytes.chunks(MAX_REPORT_BYTES).enumerate() {
@@ -50,7 +51,7 @@ fn transform(body: &[u8]) {
     }
 }
 
-/// What a VRPN server sends after its cookie and its descriptions.
+/// The bytes of a VRPN server after its cookie and its descriptions.
 fn vrpn(bytes: &[u8]) {
     for greeting in [Vec::new(), VrpnWriter::default().greeting("tool")] {
         let mut reader = VrpnReader::default();

@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 use common::software_adapter;
 use serde_json::Value;
 
-/// A place with cases and room for what failures leave.
+/// A folder with cases, and room for the pictures of failures.
 struct Place {
     folder: tempfile::TempDir,
 }

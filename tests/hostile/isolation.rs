@@ -1,5 +1,5 @@
 //! Files read in a child without rights: the same result as in this process, no rights, and an end
-//! that takes nobody with it.
+//! that no other process notices.
 
 use std::path::Path;
 
@@ -183,7 +183,8 @@ fn folder_of_slices(data: &Path) -> std::path::PathBuf {
 #[test]
 fn a_child_has_no_rights() {
     let rights = reader().remaining_rights().unwrap();
-    // What the kernel enforces has to hold; a right may be left only where the kernel lacks the means.
+    // The kernel's restrictions have to hold; a right may be left only where the kernel lacks the
+    // means.
     assert!(!(rights.has_landlock && rights.opens_files), "{rights:?}");
     assert!(!(rights.has_seccomp && (rights.connects || rights.starts_programs)), "{rights:?}");
     if !rights.are_none() {

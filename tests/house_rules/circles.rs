@@ -56,7 +56,7 @@ fn module_of(path: &str) -> Option<(&str, Module)> {
 struct Imports {
     /// Paths as written, without `super` of modules inside the file.
     paths: Vec<Vec<String>>,
-    /// What `use` calls a path in this file.
+    /// The paths that `use` names in this file.
     names: BTreeMap<String, Vec<String>>,
     /// Items that it exports again, and modules all of whose items it does.
     exported: BTreeMap<String, Vec<String>>,

@@ -19,7 +19,7 @@ pub(super) fn index(files: &[File]) -> String {
     if keepers.is_empty() {
         return String::new();
     }
-    let mut text = "# Invariants\n\nWhat the tests guarantee. `scripts/bless` makes this page from the tests that begin a paragraph of their \
+    let mut text = "# Invariants\n\nGuarantees of the tests. `scripts/bless` makes this page from the tests that begin a paragraph of their \
                     documentation with `Invariant:`.\n\n"
         .to_owned();
     for (invariant, tests) in keepers {

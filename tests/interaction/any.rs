@@ -59,7 +59,7 @@ fn intent() -> impl Strategy<Value = Intent> {
     ]
 }
 
-/// What every state keeps.
+/// Checks the invariants of every state.
 fn check(state: &ViewState) {
     let record = state.record();
     let norm = record.orientation_xyzw.iter().map(|c| c * c).sum::<f64>().sqrt();

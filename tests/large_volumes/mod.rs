@@ -43,7 +43,7 @@ fn two_thousand_slices_of_2048_by_2048_are_refused_before_they_are_read() {
     for part in parts {
         assert!(message.contains(part), "{message:?} lacks {part:?}");
     }
-    // What would be left of it has room.
+    // The rest of it has room.
     let Some(message) = refusal([2048; 2], 2000, &["--downsample", "2"]) else { return };
     assert!(!message.contains("are available"), "{message}");
 }

@@ -424,7 +424,7 @@ fn equal_volumes_make_equal_files_and_others_other_uids() {
     assert_ne!(uid(&first, 0, tags::STUDY_INSTANCE_UID), uid(&first, 0, tags::FRAME_OF_REFERENCE_UID));
 }
 
-/// What pydicom makes of a folder: HU stack hash, geometry, and anything it warns about.
+/// Prints the properties of a folder by pydicom: HU stack hash, geometry, and any warning.
 const PYDICOM_SCRIPT: &str = "
 import hashlib, pathlib, sys, warnings
 import pydicom

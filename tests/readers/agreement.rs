@@ -22,7 +22,7 @@ fn study(readings: Vec<Reading>, truth: Option<Reading>) -> Result<Comparison, A
     compare_readings(Study { readings, truth })
 }
 
-/// So many landmarks of a head.
+/// The number of landmarks of a head.
 fn head(count: usize, normal: &mut Normal) -> Vec<[f64; 3]> {
     (0..count).map(|_| [60.0, 80.0, 70.0].map(|size| size * normal.next())).collect()
 }

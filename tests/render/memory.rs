@@ -1,5 +1,5 @@
-//! Volumes share the adapter's memory: the least recently used one goes, and what cannot fit is
-//! refused.
+//! Volumes share the adapter's memory: the least recently used one goes, and a volume that
+//! cannot fit is refused.
 
 use std::sync::MutexGuard;
 

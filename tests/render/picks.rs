@@ -11,7 +11,7 @@ use relief_volume::{Orbit, Volume};
 use super::twin::oblique_head;
 use super::{in_mode, renderer};
 
-/// What picks have to keep to, mm.
+/// The tolerance of picks, mm.
 const TOLERANCE_MM: f64 = 0.05;
 
 const SIZE: [u32; 2] = [64, 48];

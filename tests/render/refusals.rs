@@ -1,4 +1,4 @@
-//! What cannot be rendered is refused in words that help.
+//! Requests that cannot be rendered are refused in words that help.
 
 use crate::common;
 use relief_render::SceneFile;

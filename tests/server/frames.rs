@@ -10,7 +10,7 @@ use crate::server::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
 const SCENE: &str =
     "preset=bone&layout=rgbd&size_px=32,24&azimuth_deg=40&elevation_deg=10&depth_range=volume";
 
-/// What [`SCENE`] asks of the renderer, made without the server.
+/// The render request of [`SCENE`], made without the server.
 fn scene_request() -> RenderRequest {
     let orbit = Orbit { azimuth_deg: 40.0, elevation_deg: 10.0, ..Orbit::default() };
     let scene = SceneFile::parse(br#"{"transfer":"bone","size_px":[32,24]}"#).unwrap();

@@ -1,4 +1,4 @@
-//! What tests of live sessions stand on: a server on a real socket, and a client that speaks
+//! The stage of tests of live sessions: a server on a real socket, and a client that speaks
 //! `relief.v1` by hand.
 
 use std::net::SocketAddr;
@@ -127,7 +127,7 @@ pub(crate) struct Client {
     socket: WebSocketStream<TcpStream>,
 }
 
-/// What came.
+/// A received message.
 #[derive(Debug)]
 pub(crate) enum Came {
     Text(Value),

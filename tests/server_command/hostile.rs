@@ -96,7 +96,7 @@ fn a_server_of_a_network_answers_to_addresses_and_known_names() {
     }
 }
 
-/// Invariant: Idle connections keep nobody out.
+/// Invariant: Idle connections do not exclude other clients.
 #[test]
 fn idle_connections_make_room_for_others() {
     let folder = tempfile::tempdir().unwrap();

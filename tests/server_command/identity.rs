@@ -1,4 +1,4 @@
-//! Who may do what: tokens, sign-in, certificates, a proxy, TLS and the audit log, from outside.
+//! Rights of callers: tokens, sign-in, certificates, a proxy, TLS and the audit log, from outside.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

@@ -351,7 +351,7 @@ impl Annotated {
         serde_json::from_slice(&body).unwrap()
     }
 
-    /// What `relief render` writes of the same series.
+    /// The output of `relief render` for the same series.
     fn render(&self, file: &Path, more: &[&str]) -> Vec<u8> {
         let mut command = relief(&[
             "render",

@@ -7,7 +7,7 @@ use relief_dicom::Strictness;
 
 use super::{Running, phantom, relief};
 
-/// What must not be seen: a name, an id, and every UID of the series.
+/// Texts that must not be seen: a name, an id, and every UID of the series.
 struct Planted(Vec<String>);
 
 impl Planted {

@@ -44,7 +44,7 @@ async fn raw(file: &Path) -> sqlx::SqliteConnection {
     sqlx::SqliteConnection::connect(&format!("sqlite://{}", file.display())).await.unwrap()
 }
 
-/// Opens it and performs every operation. No panic, and an error states what is wrong.
+/// Opens it and performs every operation. No panic, and an error states the fault.
 async fn use_all(place: &str) -> Result<(), StoreError> {
     let store = Store::open(place).await?;
     let used = async {

@@ -1,4 +1,4 @@
-//! What others make of our regions and meshes, and we of theirs: SimpleITK, VTK and trimesh.
+//! Our regions and meshes in other tools, and theirs in ours: SimpleITK, VTK and trimesh.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,4 +1,4 @@
-"""Malformed DICOM in 24 categories, and what the program says to each.
+"""Malformed DICOM in 24 categories, and the program's answer to each.
 
 A category is a list of small series, each made from a whole one by damaging one thing of one slice or of all. Files are little
 endian with explicit value representations, as `relief phantom` writes them. The program renders each series in a process of its
@@ -173,7 +173,7 @@ def run(program, series, folder):
 
 @dataclasses.dataclass
 class Category:
-    """What the program did with the series of a category."""
+    """The program's verdicts on the series of a category."""
 
     name: str
     refused: int = 0
@@ -188,7 +188,7 @@ class Category:
 
 
 def render_all(program, slices, folder):
-    """What the program did with each category; and the failures as texts."""
+    """The program's verdicts on each category; and the failures as texts."""
     categories, failures = [], []
     for name, damages in CATEGORIES.items():
         category = Category(name)

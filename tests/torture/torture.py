@@ -1,6 +1,6 @@
-"""Attacks and faults against a running server, and what honest clients see of them; see scripts/torture.
+"""Attacks and faults against a running server, and the figures of honest clients; see scripts/torture.
 
-Each scenario prints its figures as lines of a table: what was measured, the figure, and the bar. Clients are plain sockets of
+Each scenario prints its figures as lines of a table: the quantity, the figure, and the bar. Clients are plain sockets of
 this program, so that nothing of Relief's own stands on both sides. Times in seconds, memory in MiB.
 """
 
@@ -252,7 +252,7 @@ def new_token(program, path, name, scope):
 
 
 def phase(server, frame, polite, rude, seconds):
-    """What the honest clients see in some seconds, with hostile ones beside them."""
+    """The answers of honest clients in some seconds, with hostile ones beside them."""
     counts = {"times": [], "put_off": 0, "wrong": []}
     attackers = multiprocessing.Process(target=attack, args=(Place(server), frame, rude, seconds))
     attackers.start()
@@ -307,7 +307,7 @@ def many_clients(options, series, folder):
 
 
 def kills(options, series, folder):
-    """SIGKILL under load, again and again: the server is back, and what it acknowledged is there."""
+    """SIGKILL under load, again and again: the server is back, and acknowledged edits are there."""
     log = folder / "kills.db"
     acknowledged, slowest = [], 0.0
 

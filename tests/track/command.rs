@@ -427,7 +427,7 @@ fn the_recommended_beacon_scores_well_and_a_symmetric_one_does_not() {
     assert!(poor["right"] == 0 && poor["wrong"] == 0, "{poor}");
 }
 
-/// What buttons and movements of a recording mean, as a live session would take it.
+/// The meaning of buttons and movements of a recording, as a live session takes it.
 #[test]
 fn intents_are_what_a_recording_means() {
     let folder = tempfile::tempdir().unwrap();

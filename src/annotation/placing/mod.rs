@@ -1,5 +1,4 @@
-//! Where something is set down: a picked or pointed place, moved to the surface, edge or extremum
-//! that was meant.
+//! Snapping: a picked or pointed place is moved to the surface, edge or extremum that was meant.
 //!
 //! What it is: [`snap_point`], from the voxels only and deterministic. What it is not: input
 //! devices or rendering. Space: patient LPS, mm; values in HU.

@@ -25,7 +25,7 @@ pub enum FillError {
     /// Too much.
     #[error("{found} {what}, allowed: at most {allowed}")]
     TooMany {
-        /// Of what.
+        /// The kind of the limit.
         what: &'static str,
         /// How many there are.
         found: usize,

@@ -1,10 +1,10 @@
 //! Flood fill: the candidates that are connected to seeds by faces.
 //!
-//! Rows of bits are the unit: a row takes in what its four neighbours have, and each new bit
+//! Rows of bits are the unit: a row takes in the bits of its four neighbours, and each new bit
 //! spreads through its run of candidates by the carry of an addition. Slabs of slices are flooded
-//! side by side, each until nothing changes in it; then neighbouring slabs tell each other what
-//! their outermost slices have, and those that learned something go on. The result does not depend
-//! on who is first: it is the smallest set that holds the seeds and is closed.
+//! side by side, each until nothing changes in it; then neighbouring slabs exchange their
+//! outermost slices, and slabs that gained bits go on. The result does not depend on their order:
+//! it is the smallest set that holds the seeds and is closed.
 
 use rayon::prelude::*;
 
@@ -121,7 +121,7 @@ impl<'a> Slab<'a> {
         self.region.len() / self.shape.row_words
     }
 
-    /// Takes in what neighbouring slabs have next to it, and seeds.
+    /// Takes in the bits of neighbouring slabs next to it, and seeds.
     fn learn(&mut self, [before, after]: [Vec<u64>; 2], seeds: Option<&[u64]>) {
         let (count, words, rows) = (self.row_count(), self.shape.row_words, self.shape.rows);
         let tell = |slab: &mut Self, first: usize, source: &[u64]| {

@@ -11,7 +11,7 @@ use super::ball::span;
 use relief_base::{Patient, Point};
 use relief_volume::Mask;
 
-/// What painting does.
+/// The effect of a brush.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stroke {

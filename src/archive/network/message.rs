@@ -176,7 +176,7 @@ fn status_of(mut command: &[u8], request: u16) -> Option<u16> {
     status.filter(|_| field == Some(request | RESPONSE))
 }
 
-/// The number and the value of the first element of group 0000, and what follows.
+/// The number and the value of the first element of group 0000, and the bytes behind it.
 fn split(command: &[u8]) -> Option<(u16, &[u8], &[u8])> {
     let (head, rest) = command.split_first_chunk::<8>()?;
     let [g0, g1, e0, e1, length @ ..] = *head;

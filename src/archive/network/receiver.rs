@@ -74,7 +74,7 @@ pub(super) fn is_title(text: &str) -> bool {
     (1..=16).contains(&text.len()) && text.bytes().all(is_letter) && text.trim() == text
 }
 
-/// Who a receiver is, and whom it takes objects of.
+/// The identity of a receiver, and the callers that it accepts.
 #[derive(Clone, Debug)]
 pub struct ReceiverOptions {
     /// Its application entity title: callers must call it so.

@@ -1,6 +1,6 @@
 //! Series in a bucket: listing below a prefix, and download into files.
 //!
-//! What objects are called may name patients: no error says it.
+//! Names of objects may be names of patients, so no error contains one.
 
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
@@ -136,7 +136,7 @@ fn unusable_name() -> Error {
     Error::new(ErrorKind::InvalidInput, reason)
 }
 
-/// What went wrong, without what objects are called.
+/// The cause of a failure, without the names of objects.
 #[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn without_names(error: object_store::Error) -> Error {
     use object_store::Error as E;

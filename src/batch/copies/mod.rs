@@ -35,7 +35,7 @@ pub struct CopiesOptions {
     pub roots: Vec<Location>,
     /// Reads copies in child processes; this process reads them if absent.
     pub isolated: Option<IsolatedReader>,
-    /// What archives are shown.
+    /// The credentials for archives.
     #[cfg(feature = "cluster")]
     pub archives: relief_archive::ArchiveAccess,
     /// Is notified while a series of an archive is retrieved.

@@ -166,7 +166,7 @@ impl CopyFolder {
         Ok((folder.join(FILES), lock))
     }
 
-    /// Where a copy is made, and what removes it when dropped. A copy that cannot be completed later
+    /// The folder where a copy is made, removed when dropped. A copy that cannot be completed later
     /// gets a new folder.
     fn draft_folder(&self, wanted: &WantedCopy<'_>) -> std::io::Result<(PathBuf, Option<TempDir>)> {
         if wanted.resumes {
@@ -276,7 +276,7 @@ impl Draft<'_> {
     }
 }
 
-/// What a program left of a copy that can be completed.
+/// An incomplete copy that a program left, and that can be completed.
 fn incomplete(folder: PathBuf) -> KnownCopy {
     let files = std::fs::read_dir(folder.join(FILES)).into_iter().flatten().flatten();
     let sizes = files.filter_map(|file| file.metadata().ok()).map(|found| found.len());

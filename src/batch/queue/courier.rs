@@ -64,7 +64,7 @@ pub(super) enum JobVerdict {
     Back,
 }
 
-/// What asking the queue for jobs has given.
+/// The outcome of asking the queue for jobs.
 enum FetchedJobs {
     Messages(Vec<Message>),
     /// None, and whether there is nothing left to do either, by any worker.

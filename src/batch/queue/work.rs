@@ -271,7 +271,7 @@ impl Bench<'_> {
         let setback = FailedAttempt { failure: failure.clone(), tries, message };
         let is_recorded = setback.write(self.sink).is_ok();
         let is_over = failure.kind == FailureKind::Permanent || tries >= self.limit;
-        // What cannot be recorded must not be lost.
+        // An outcome that cannot be recorded must not be lost.
         let verdict =
             if is_over && is_recorded { JobVerdict::Never } else { JobVerdict::Later(pause_after(tries)) };
         {

@@ -99,7 +99,7 @@ pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Re
     Ok(ExitCode::SUCCESS)
 }
 
-/// The bytes of what items refer to.
+/// The contents that items refer to.
 fn contents(log: &Log, items: &[Item]) -> anyhow::Result<HashMap<ContentId, Vec<u8>>> {
     let mut contents = HashMap::new();
     for id in items.iter().filter_map(|item| item.geometry.as_ref()?.content()) {

@@ -32,7 +32,7 @@ pub(super) struct ByArguments {
     pub(super) reason: String,
 }
 
-/// An open log, and what its calls run on.
+/// An open log, and the runtime of its calls.
 pub(super) struct Log {
     runtime: tokio::runtime::Runtime,
     store: Store,

@@ -25,7 +25,7 @@ pub(super) struct SeriesArguments {
     copies: CopiesArguments,
 }
 
-/// What annotations need of a series.
+/// The part of a series that annotations need.
 pub(super) struct Series {
     /// The frame of reference of its positions.
     pub(super) frame: FrameOfReference,

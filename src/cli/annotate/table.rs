@@ -26,7 +26,7 @@ pub(super) fn print<const N: usize>(heading: [&str; N], lines: &[[String; N]]) {
 }
 
 fn shortened(cell: &str) -> String {
-    // What people wrote must not move the cursor.
+    // Text that people wrote must not move the cursor.
     let plain: String = cell.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect();
     if plain.chars().count() <= WIDEST {
         return plain;

@@ -92,7 +92,7 @@ struct RunArguments {
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     memory: Option<u64>,
     /// Store the products capture and annotated-capture in this DICOM archive,
-    /// dicomweb+https://HOST/ROOT, when the run ends; what it has is not sent again
+    /// dicomweb+https://HOST/ROOT, when the run ends; objects that it has are not sent again
     #[cfg(feature = "cluster")]
     #[arg(long, value_name = "ARCHIVE", value_parser = send::parse_archive)]
     send: Option<relief_archive::ArchiveAddress>,
@@ -167,7 +167,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
     Ok(ExitCode::SUCCESS)
 }
 
-/// What workers of a queue have not done of these jobs, and why.
+/// The jobs that workers of a queue have not done, and why.
 #[cfg(feature = "cluster")]
 fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     use relief_batch::{FailedAttempt, Record};

@@ -58,8 +58,8 @@ pub(crate) struct PlanArguments {
     /// Width and height of pictures, where the layout does not say
     #[arg(long, value_name = "WxH", value_parser = crate::scene::parse_size)]
     size: Option<[u32; 2]>,
-    /// What zoom 1 fits to the picture: what is visible, all tissue, or the bounding sphere of the
-    /// volume [default: visible]
+    /// The part that zoom 1 fits to the picture: what is visible, all tissue, or the bounding sphere
+    /// of the volume [default: visible]
     #[arg(long, value_name = "RULE", value_parser = crate::choices::framing_rules())]
     frame: Option<FramingRule>,
     /// 1 fits the whole (see --frame), and shows 160 mm around a landmark; larger is closer

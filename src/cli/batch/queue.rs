@@ -131,7 +131,7 @@ pub(crate) fn run_worker(arguments: &WorkArguments) -> anyhow::Result<ExitCode> 
     };
     let stop = async {
         stop.await;
-        eprintln!("stopping: finishing what is begun, giving the rest back");
+        eprintln!("stopping: finishing the jobs that have begun, giving the rest back");
     };
     let share = MemoryShare::of(arguments.memory)?;
     let mut renderer = share.open_renderer(&arguments.adapter)?;

@@ -12,7 +12,7 @@ use crate::send::outgoing;
 /// Largest object that is sent, bytes.
 const LARGEST: u64 = 1 << 30;
 
-/// What became of objects.
+/// The outcome of sending objects.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(super) struct SentObjects {
     stored: usize,
@@ -89,7 +89,7 @@ struct Turntable {
 }
 
 fn failure(name: &str) -> String {
-    format!("cannot send {name}; run again to send what is missing")
+    format!("cannot send {name}; run again to send the missing objects")
 }
 
 fn store(copies: &Copies, archive: &ArchiveAddress, object: Vec<u8>) -> anyhow::Result<StoreOutcome> {

@@ -1,4 +1,4 @@
-//! What the subcommands of `relief batch` share: memory, progress and the manifest.
+//! Parts that the subcommands of `relief batch` share: memory, progress and the manifest.
 
 use std::collections::BTreeSet;
 use std::io::BufReader;

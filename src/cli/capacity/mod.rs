@@ -1,5 +1,5 @@
-//! `relief bench --capacity`: how many viewers this machine carries, and what more of them would
-//! need.
+//! `relief bench --capacity`: the number of viewers that this machine carries, and the machines that
+//! more viewers would need.
 
 mod print;
 

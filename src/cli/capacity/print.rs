@@ -107,7 +107,7 @@ pub(super) fn markdown(report: &CapacityReport) -> String {
         ("share of its time that they take", format!("{:.0} %", carried.load * 100.0)),
         ("share of the time in which too many move at once", format!("{:.1} %", carried.crowded * 100.0)),
         ("a viewer is sent", format!("{:.2} Mbit/s on average", carried.viewer_mbit_s)),
-        ("views per hour by request, when nobody looks live", format!("{:.0}", carried.views_per_hour)),
+        ("views per hour by request, without live viewers", format!("{:.0}", carried.views_per_hour)),
         (
             "memory of a volume: voxels, adapter",
             format!("{:.0} MiB, {:.0} MiB", measured.voxels_mib, measured.adapter_mib),

@@ -60,7 +60,7 @@ pub(crate) struct ClientArguments {
     /// Disparity on the screen plane that the display's header asks for
     #[arg(long, value_name = "0..255")]
     pub(crate) offset: Option<u8>,
-    /// What lies on the plane of the screen, where a display is sharpest: cursor, as it moves, or a
+    /// The point on the plane of the screen, where a display is sharpest: cursor, as it moves, or a
     /// point of the patient, LPS mm
     #[arg(long, value_name = "cursor|X,Y,Z", value_parser = parse_screen_plane, allow_hyphen_values = true)]
     pub(crate) screen_plane: Option<ScreenPlane>,
@@ -231,12 +231,12 @@ pub(crate) struct ViewsArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES")]
     pub(crate) view_span: Option<f64>,
-    /// Layers that views are made of: 2 fills holes with what is behind, for twice the data
+    /// Layers that views are made of: 2 fills holes with the surface behind, for twice the data
     /// [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub(crate) layers: Option<u8>,
-    /// What makes the views: best, cpu, software, or a part of a graphics adapter's name. `best` is a
-    /// graphics card, or else `cpu`; all give the same pixels [default: best]
+    /// The renderer of the views: best, cpu, software, or a part of a graphics adapter's name. `best`
+    /// is a graphics card, or else `cpu`; all give the same pixels [default: best]
     #[arg(long, value_name = "NAME")]
     pub(crate) adapter: Option<String>,
 }

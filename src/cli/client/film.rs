@@ -59,14 +59,14 @@ impl FilmRecorder {
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(received.clone());
     }
 
-    /// Ends the film, and checks what was written.
+    /// Ends the film, and checks the written file.
     pub(crate) fn finish(self) -> anyhow::Result<()> {
         self.is_done.store(true, Ordering::Relaxed);
         self.thread.join().unwrap_or_else(|_| bail!("the recorder of the film stopped"))
     }
 }
 
-/// What the thread of a recording has.
+/// The state of a recording's thread.
 struct Recording {
     path: std::path::PathBuf,
     ffmpeg: Ffmpeg,

@@ -57,7 +57,7 @@ impl Session {
             resume: None,
             settings,
         };
-        // What others of a shared view ask of the display is not known here.
+        // The display settings of others of a shared view are not known here.
         let is_own = role == Role::Presenter && (arguments.view.is_none() || display != usual);
         let asked = is_own.then(|| display.header());
         let profile = display.profile()?;

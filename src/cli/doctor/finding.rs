@@ -18,7 +18,7 @@ pub(super) struct Finding {
     pub(super) mark: Mark,
     pub(super) what: &'static str,
     pub(super) found: String,
-    /// What to do about it, step by step; empty when all is well.
+    /// The remedy, step by step; empty when all is well.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) advice: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! What `relief doctor` says of the child processes that read uploads.
+//! The findings of `relief doctor` about the child processes that read uploads.
 
 use super::finding::{Finding, Mark};
 

@@ -1,4 +1,4 @@
-//! `relief doctor`: reports adapters, drivers and tools, what is missing, and how to install it.
+//! `relief doctor`: reports adapters, drivers and tools, missing ones, and how to install them.
 //!
 //! It looks at the environment, asks the graphics drivers, and renders a ball that is compared with
 //! the f64 twin. Exit status: 0 when pictures can be rendered (warnings allowed), 1 when nothing
@@ -24,7 +24,7 @@ use relief_render::{
 };
 use relief_volume::{Orbit, Phantom};
 
-/// Report adapters, drivers and tools, what is missing, and how to install it.
+/// Report adapters, drivers and tools, missing ones, and how to install them.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -358,7 +358,7 @@ fn readable(report: &DoctorReport) -> String {
     }
     let verdict = match (&report.chosen, report.can_render) {
         (Some(adapter), true) => format!("Relief renders on {}.", adapter.name),
-        _ => "Relief cannot render here; see above for what is missing and how to get it.".to_owned(),
+        _ => "Relief cannot render here; see above for the missing parts and how to install them.".to_owned(),
     };
     text + "\n" + &verdict + "\n"
 }

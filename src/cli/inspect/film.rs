@@ -17,7 +17,7 @@ const ENDINGS: [&str; 6] = ["mkv", "mp4", "mov", "avi", "webm", "m4v"];
 /// Pictures whose problems are listed; others are counted.
 const MAX_LISTED: usize = 10;
 
-/// What is in a film.
+/// The content of a film.
 #[derive(Debug, Serialize)]
 struct FilmReport {
     size_px: [u32; 2],

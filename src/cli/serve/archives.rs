@@ -141,7 +141,7 @@ impl SeriesArchives for SearchedArchives {
     }
 }
 
-/// What messages call a series, whose files lie in a folder of this machine.
+/// The name of a series in messages. Its files lie in a folder of this machine.
 const SUBJECT: &str = "the series";
 
 /// An error without names of files.

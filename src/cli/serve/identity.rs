@@ -28,7 +28,7 @@ pub(crate) struct IdentityArguments {
     /// what clients send
     #[arg(long, value_name = "HEADER", default_value = "X-Forwarded-User", requires = "trusted_proxy")]
     proxy_user_header: String,
-    /// What callers of the proxy may do
+    /// The rights of callers of the proxy
     #[arg(long, value_enum, default_value_t = ScopeArgument::Annotate, requires = "trusted_proxy")]
     proxy_scope: ScopeArgument,
     /// Encrypt with this certificate (PEM, with intermediates); it is read again when it changes
@@ -45,7 +45,7 @@ pub(crate) struct IdentityArguments {
     /// common name. Without --token-file and --trusted-proxy every client needs one
     #[arg(long, value_name = "FILE.pem")]
     tls_client_ca: Option<PathBuf>,
-    /// What callers with a certificate may do
+    /// The rights of callers with a certificate
     #[arg(long, value_enum, default_value_t = ScopeArgument::Annotate, requires = "tls_client_ca")]
     tls_client_scope: ScopeArgument,
     /// Let everybody who reaches the address do everything, beyond this machine, too

@@ -109,7 +109,7 @@ pub(crate) struct SeriesLoader {
 /// The folders of series that have arrived since it was asked last.
 pub(crate) type Arrivals = Box<dyn Fn() -> Vec<PathBuf> + Send>;
 
-/// How often arrivals are asked for.
+/// The interval of looking for arrivals.
 const ARRIVALS: Duration = Duration::from_millis(200);
 
 /// Loads all series on a thread of its own, and then those that arrive. The receiver gets the error

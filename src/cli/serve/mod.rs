@@ -270,7 +270,7 @@ async fn serve(
     let sessions = Arc::clone(&server);
     let stop = async {
         tokio::select! {
-            () = &mut signal => eprintln!("stopping: finishing what is being answered"),
+            () = &mut signal => eprintln!("stopping: finishing open requests"),
             Ok(error) = &mut failed => failure = Some(error),
         }
         sessions.close_sessions(SESSIONS_PATIENCE).await;

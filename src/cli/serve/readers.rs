@@ -20,7 +20,7 @@ pub(crate) struct Readers {
     pub(crate) annotations: AnnotationsLoader,
 }
 
-/// What messages call an uploaded file, whose name may be that of a patient.
+/// The name of an uploaded file in messages: its own may be that of a patient.
 const SUBJECT: &str = "the uploaded file";
 
 /// Most bytes of an uploaded series' voxels.

@@ -31,7 +31,7 @@ pub(crate) struct ReceptionArguments {
     /// Bytes that the folder may have; objects beyond are refused
     #[arg(long, value_name = "BYTES", default_value = "64GiB", value_parser = parse_bytes, requires = "receive")]
     receive_quota: u64,
-    /// A series is complete when nothing of it has arrived for so many seconds
+    /// A series is complete when nothing of it has arrived for this many seconds
     #[arg(
         long, value_name = "SECONDS", default_value_t = 10, requires = "receive",
         value_parser = clap::value_parser!(u16).range(1..=3600)

@@ -81,7 +81,7 @@ mod isolated {
     use relief_base::Budget;
     use relief_isolation::{FoundSeries, IsolatedReader, Listing, SeriesChoice};
 
-    /// What messages call a series, whose files may be named after patients.
+    /// The name of a series' files in messages: their own may be those of patients.
     const SUBJECT: &str = "the series' files";
 
     /// Reads in a child process.

@@ -79,7 +79,7 @@ struct FollowArguments {
     /// File of poses, JSON lines
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// File of what buttons and movements mean, JSON lines: the intents of a live session
+    /// File for the meaning of buttons and movements, JSON lines: the intents of a live session
     #[arg(long, value_name = "FILE")]
     intents: Option<PathBuf>,
     /// How a hand's movements become intents: gain, dead zones, rates
@@ -109,7 +109,7 @@ struct FilterArguments {
     /// How single frames are solved
     #[arg(long, value_enum, default_value_t = Solver::Lm)]
     solver: Solver,
-    /// What joins frames
+    /// The filter that joins frames
     #[arg(long, value_enum, default_value_t = Filter::ErrorState)]
     filter: Filter,
     /// Every frame on its own: --filter none

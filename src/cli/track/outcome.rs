@@ -1,4 +1,4 @@
-//! What `relief track experiment` measured: the content of its JSON, tables and plots.
+//! The results of `relief track experiment`: the content of its JSON, tables and plots.
 
 use relief_tracking::ExperimentOutcome;
 

@@ -18,7 +18,7 @@ const NAME: &str = "Relief Wiimote pointer";
 /// The right and the lower edge of the screen.
 const FARTHEST: i32 = 65_535;
 
-/// What each button is for other programs.
+/// The key of each button for other programs.
 const KEYS: [(Buttons, KeyCode); 11] = [
     (Buttons::A, KeyCode::BTN_LEFT),
     (Buttons::B, KeyCode::BTN_RIGHT),

@@ -1,4 +1,4 @@
-//! What one client sees, counted.
+//! Counts of one client.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

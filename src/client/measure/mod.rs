@@ -32,7 +32,7 @@ const FIRST_FRAME: Duration = Duration::from_secs(60);
 /// How long the still frame may take.
 const STILL: Duration = Duration::from_secs(30);
 
-/// What to measure.
+/// The settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct MeasurePlan {
     /// Server and session; where its view has a name, all clients share that.
@@ -47,7 +47,7 @@ pub struct MeasurePlan {
     pub stalled: usize,
     /// Interval of frames that are composed and whose header is checked; 0 for none.
     pub check_every: u32,
-    /// What composes.
+    /// The composer of frames.
     pub composer: Composer,
 }
 

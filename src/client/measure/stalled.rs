@@ -18,7 +18,7 @@ const HELD: Duration = Duration::from_secs(40);
 const AGAIN: Duration = Duration::from_secs(1);
 const POSES: Duration = Duration::from_millis(100);
 
-/// What stalled clients saw.
+/// The results of stalled clients.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StalledLoad {
     pub(super) frames_max: u32,

@@ -196,7 +196,7 @@ impl Screen {
 /// Composes frames for the newest eyes.
 struct Composing<'a> {
     composer: &'a Composer,
-    /// What the views of the newest frame are made of.
+    /// The layers that the views of the newest frame are made of.
     layers: Option<ReceivedLayers>,
     eyes: Option<Eyes>,
     /// Number of the shown picture; it rises with each frame and with each change of the eyes.
@@ -240,7 +240,7 @@ impl Composing<'_> {
         Some(AtRest { view, eyes, shown: self.shown })
     }
 
-    /// Rendered views, if the window still shows what they were rendered for.
+    /// Rendered views, if the window still shows the picture that they belong to.
     fn rendered(&self, shown: u64, stacked: &Frame) -> Option<SessionEvent> {
         let (output, layers) = (self.composer.output()?, self.layers.as_ref()?);
         if shown != self.shown {

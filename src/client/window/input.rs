@@ -87,7 +87,7 @@ impl Input {
         (steps != 0.0).then_some(Intent::Zoom { factor })
     }
 
-    /// What pressing a key means, or letting it go.
+    /// The meaning of pressing or releasing a key.
     pub(super) fn key(key: &Key, state: ElementState, repeat: bool) -> Option<Meaning> {
         let orbit = |azimuth, elevation| Intent::Orbit {
             azimuth_deg: azimuth * DEG_PER_KEY,

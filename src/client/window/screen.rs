@@ -25,7 +25,7 @@ use relief_live::{Intent, PlacePhase};
 
 type Pane = Surface<OwnedDisplayHandle, Rc<Window>>;
 
-/// What runs in the window's event loop.
+/// The state of the window's event loop.
 pub(super) struct App {
     options: WindowOptions,
     handle: Handle,

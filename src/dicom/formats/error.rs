@@ -1,4 +1,4 @@
-//! Why a file is refused: what, where, and what to do.
+//! Reasons for refusing a file: the fault, its place, and the remedy.
 
 use std::path::PathBuf;
 

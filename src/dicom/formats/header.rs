@@ -1,4 +1,4 @@
-//! What both formats' headers come down to.
+//! The common content of both formats' headers.
 
 use super::error::FormatError;
 use super::limits::FormatLimits;

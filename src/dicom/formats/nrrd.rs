@@ -1,4 +1,4 @@
-//! NRRD with its voxels behind the header, and what 3D Slicer writes of segments into it.
+//! NRRD with its voxels behind the header, and the segments of 3D Slicer in it.
 //!
 //! After Teem's description of the format, versions 1 to 5. Encodings raw and gzip; a layer of a
 //! segmentation is a first axis of kind `list`. Spaces: the header names the world; here it becomes

@@ -31,7 +31,7 @@ pub(super) const LENGTH: Code = Code::new("410668003", "SCT", "Length");
 pub(super) const PERIMETER: Code = Code::new("131191004", "SCT", "Perimeter");
 pub(super) const AREA: Code = Code::new("42798000", "SCT", "Area");
 pub(super) const ANGLE: Code = Code::new("1483009", "SCT", "Angle");
-/// What else angles are called: by DICOM, and by SNOMED before 2017.
+/// Other codes of angles: those of DICOM, and of SNOMED before 2017.
 pub(super) const OTHER_ANGLES: [(&str, &str); 4] =
     [("110859", "DCM"), ("285285000", "SCT"), ("F-02070", "SRT"), ("1483009", "SCT")];
 

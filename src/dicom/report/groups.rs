@@ -55,7 +55,7 @@ pub enum UnreportableItem {
     Kind {
         /// The kind of geometry, as a plural.
         kind: &'static str,
-        /// What holds it.
+        /// The form that holds it.
         advice: &'static str,
     },
 }

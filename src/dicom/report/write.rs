@@ -49,7 +49,7 @@ pub struct LeftOut {
     pub item: ItemId,
     /// Its name.
     pub name: String,
-    /// Why it is left out, and what would hold it.
+    /// The reason for leaving it out, and the form that would hold it.
     pub reason: UnreportableItem,
 }
 
@@ -170,7 +170,7 @@ fn put_modules(
     put_items(report, tags::CODING_SCHEME_IDENTIFICATION_SEQUENCE, schemes.map(scheme).to_vec());
 }
 
-/// What items have that a report does not.
+/// Properties of items that a report lacks.
 fn notes(items: &[&Item]) -> Vec<String> {
     let count = |has: &dyn Fn(&Item) -> bool| items.iter().filter(|item| has(item)).count();
     let is_long = |item: &Item| {

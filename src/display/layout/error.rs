@@ -22,7 +22,7 @@ pub enum LayoutError {
         frame_px: [u32; 2],
         /// The display's sub-image.
         sub_image_px: [u32; 2],
-        /// What would fit.
+        /// A remedy.
         remedy: &'static str,
     },
     /// The header would reach into the depth half.

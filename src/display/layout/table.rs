@@ -28,7 +28,7 @@ pub struct LayoutInfo {
     pub live_byte: Option<u8>,
 }
 
-/// What a frame contains.
+/// The content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameContent {
     /// The picture and its disparity.

@@ -34,7 +34,7 @@ pub struct Parallax {
 /// converge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueViews {
-    /// View depth of what stays in its place, mm: where D is the offset.
+    /// View depth of points that stay in their place, mm: where D is the offset.
     pub converging_mm: f64,
     /// How far a camera is moved to the right for one eye separation, mm.
     pub baseline_mm: f64,

@@ -3,7 +3,7 @@
 
 use super::grid::ViewGrid;
 
-/// What the name of a file says of its quilt.
+/// The layout of a quilt by the name of its file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuiltName {
     /// Columns and rows.

@@ -28,8 +28,8 @@ pub(super) const UNIT: i32 = Parallax::UNIT;
 /// Disparities of neighbours on one surface differ by at most this, as in the depth filter's edges.
 const SURFACE_STEP: u8 = 4;
 
-/// What makes views of a picture and its disparity: the processor, or a graphics card with the same
-/// bytes.
+/// Makes views of a picture and its disparity: on the processor, or on a graphics card with the
+/// same bytes.
 pub trait Synthesize: std::fmt::Debug + Send + Sync {
     /// As [`synthesize`].
     ///

@@ -1,4 +1,4 @@
-//! What each intent does to a view.
+//! The effect of each intent on a view.
 
 use glam::{DQuat, DVec3};
 
@@ -18,7 +18,7 @@ const ONE_STEP_NS: u64 = 1_000_000_000;
 pub struct AppliedIntent {
     /// Whether the state is another one now; its revision has gone up then.
     pub changed: bool,
-    /// What others have to do about it.
+    /// Its effect beyond the view.
     pub event: Option<IntentEffect>,
 }
 

@@ -226,7 +226,7 @@ impl Gestures {
             TriggerState::Moving => {
                 let (position_mm, orientation_xyzw) = (hand.place.to_array(), hand.orientation.to_array());
                 intents.push(Intent::Move { position_mm, orientation_xyzw });
-                self.point(hand.place, intents); // after it: what is held stays under the cursor
+                self.point(hand.place, intents); // after it: a held item stays under the cursor
                 self.precise = self.precise.map(|_| Precise { cursor: hand.place, ..self.led_by(hand) });
             }
             TriggerState::Open | TriggerState::Resting(_) => {
@@ -319,7 +319,7 @@ impl Gestures {
         self.loosen();
     }
 
-    /// What buttons that are held have done since they last counted.
+    /// Counts the effect of held buttons since the last count.
     fn count(&mut self, t_ns: u64, intents: &mut Vec<Intent>) {
         let since = self.counted_ns.map_or(0, |then| t_ns.saturating_sub(then));
         self.counted_ns = Some(self.counted_ns.map_or(t_ns, |then| then.max(t_ns)));

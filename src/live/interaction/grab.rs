@@ -23,7 +23,7 @@ pub(super) struct Hand {
 pub(super) struct Grab {
     mode: GrabMode,
     pivot: Pivot,
-    /// What stays under the hand.
+    /// The point that stays under the hand.
     held: Point<Patient>,
     /// Where that was in view.
     held_in_view: DVec3,

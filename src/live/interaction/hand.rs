@@ -1,4 +1,4 @@
-//! A tracked Wiimote as a hand: where it is at a time, and what its movements mean in view.
+//! A tracked Wiimote as a hand: its place at a time, and the meaning of its movements in view.
 //!
 //! The place of a hand is the Wiimote's tip, a point before its camera. Spaces: `Beacon` and
 //! `Sensor` as in `tracking`; the axes of the recommended beacon (x right, y up, z towards the
@@ -18,7 +18,7 @@ pub struct HandPose {
     orientation: DQuat,
 }
 
-/// What tracking says of a hand at a time.
+/// A tracked hand at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandSample {
     /// Time, ns from any start.
@@ -44,9 +44,9 @@ pub struct HandOptions {
     pub tip_center_mm: Option<[f64; 3]>,
     /// Turns beacon axes into view axes, for beacons that are mounted otherwise; a unit quaternion.
     pub view_from_beacon_xyzw: [f64; 4],
-    /// What B lets the hand do.
+    /// The movements that B allows.
     pub grab_mode: GrabMode,
-    /// What B turns about.
+    /// The centre of turns by B.
     pub pivot: Pivot,
     /// A grabbed volume rests until the hand has turned by this, degrees: 0 to 20.
     pub dead_zone_deg: f64,

@@ -71,7 +71,7 @@ pub enum Intent {
         /// The movements that the grab permits.
         #[serde(default)]
         mode: GrabMode,
-        /// What stays where it is while the hand only turns.
+        /// The point that stays in place while the hand only turns.
         #[serde(default)]
         pivot: Pivot,
     },

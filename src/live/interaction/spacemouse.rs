@@ -66,7 +66,7 @@ impl SpaceMouseEvent {
         }
     }
 
-    /// What it does to the view; `moves_cursor` while the first button is held.
+    /// Its effect on the view; `moves_cursor` while the first button is held.
     #[must_use]
     pub fn intents(self, moves_cursor: bool) -> Vec<Intent> {
         match self {

@@ -212,7 +212,7 @@ impl ViewState {
         }
     }
 
-    /// Keeps what was, so that it can come back; the oldest goes when there is too much.
+    /// Keeps the state before, so that it can come back; the oldest goes when there is too much.
     pub(super) fn remember(&mut self, before: Aspect) {
         if self.history.len() == MAX_HISTORY {
             self.history.pop_front();

@@ -28,7 +28,7 @@ pub enum ServerMessage {
     Annotations(AnnotationsMessage),
 }
 
-/// What happened to the annotations of the volume that is shown.
+/// A change to the annotations of the volume that is shown.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnnotationsMessage {

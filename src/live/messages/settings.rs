@@ -34,7 +34,7 @@ pub struct Settings {
     /// The time budget of a picture while the view moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
-    /// What B lets the hand do.
+    /// The movements that B allows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grab_mode: Option<GrabMode>,
     /// Where a placed landmark moves to: `false`, or a target.

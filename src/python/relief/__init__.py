@@ -180,7 +180,7 @@ class Volume:
 
     @property
     def warnings(self) -> list[str]:
-        """What was noticed while the files were read."""
+        """Warnings of reading the files."""
         return self._native.warnings
 
     def to_array(self) -> NDArray[numpy.int16]:

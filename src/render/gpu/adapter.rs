@@ -3,7 +3,7 @@
 use super::error::GpuError;
 use crate::gpu::choice::AdapterChoice;
 
-/// What kind of device an adapter is.
+/// The kind of an adapter's device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AdapterKind {
@@ -30,7 +30,7 @@ pub struct AdapterDescription {
     pub driver: String,
     /// The graphics API in use.
     pub backend: String,
-    /// What kind of device it is.
+    /// The kind of the device.
     pub kind: AdapterKind,
 }
 

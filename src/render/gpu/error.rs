@@ -6,7 +6,7 @@ use crate::gpu::choice::AdapterChoice;
 pub enum GpuError {
     /// No adapter of the wanted kind.
     #[error(
-        "no graphics adapter for {wanted}; available: {}. `relief doctor` reports what is missing and how to install it",
+        "no graphics adapter for {wanted}; available: {}. `relief doctor` reports missing drivers and how to install them",
         if available.is_empty() { "none".to_owned() } else { available.join(", ") }
     )]
     NoAdapter {

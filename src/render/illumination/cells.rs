@@ -56,7 +56,7 @@ impl Cells {
     }
 
     /// Distance between samples of openness within a radius, mm. Few samples suffice, since other
-    /// directions compensate for what one direction misses. A step stays within a brick.
+    /// directions compensate for the misses of one. A step stays within a brick.
     pub(crate) fn openness_step_mm(&self, radius_mm: f64) -> f64 {
         self.shadow_step_mm().max(radius_mm / 8.0).min(3.0 * self.finest_mm)
     }

@@ -5,7 +5,7 @@
 //! GPU fills the cells, and rays light their samples by them through a uniform. Mode path-traced
 //! does not use this; its light follows its own paths.
 //!
-//! Cells are filled once for a volume, a transfer function or surfaces, a clip, and what light
+//! Cells are filled once for a volume, a transfer function or surfaces, a clip, and the light
 //! comes from, all in patient space. A light in view space turns with the camera, so its cells are
 //! filled again when that turns.
 //!

@@ -8,7 +8,7 @@ use crate::request_error::RequestError;
 pub struct Illumination {
     /// How much of the placed lights' shadows shows, 0..1; at 0 none are made.
     pub shadows: f64,
-    /// What surroundings take away.
+    /// The light that surroundings take away.
     pub occlusion: Occlusion,
 }
 

@@ -1,5 +1,5 @@
-//! What overlays put into the pixels of a band of rows, sorted by depth, and how a pixel becomes
-//! one colour and depth.
+//! The fragments of overlays in the pixels of a band of rows, sorted by depth, and how a pixel
+//! becomes one colour and depth.
 //!
 //! A pixel has 16 sample points. A fragment is the part of one primitive in one pixel: the covered
 //! points, and one depth and colour for all of them. Colours are 0..255 in display-referred sRGB;
@@ -34,7 +34,7 @@ pub(super) const SAMPLE_POINTS: [DVec2; 16] = {
     points
 };
 
-/// What stands before what, whatever the depths.
+/// The order of layers, whatever their depths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
     /// Belongs to the picture: nothing hides it.
@@ -307,14 +307,14 @@ fn blend_opaque(front: &[Fragment], hidden: &[Fragment], occluded: f32, volume: 
     over_volume(rgb, (0..16).map(of_point).sum(), volume)
 }
 
-/// What fragments have in a pixel, and the rest of it, which is the volume's picture.
+/// The fragments of a pixel over the rest of it, which is the volume's picture.
 fn over_volume(rgb: [f32; 3], rest: f32, [r, g, b, coverage]: [u8; 4]) -> [u8; 4] {
     let volume = [r, g, b].map(f32::from);
     let [r, g, b] = std::array::from_fn(|i| byte(rgb[i] + rest * volume[i]));
     [r, g, b, byte(255.0 - rest * (255.0 - f32::from(coverage)))]
 }
 
-/// Takes a fragment's opacity out of what passes at each sample point; gives the share of the
+/// Takes a fragment's opacity out of the light that passes at each sample point; gives the share of the
 /// pixel's light that it has, where `before` of it comes that far.
 fn attenuate(passing: &mut [f32; 16], before: &[f32; 16], fragment: &Fragment) -> f32 {
     let mut share = 0.0;

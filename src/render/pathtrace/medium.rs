@@ -1,4 +1,4 @@
-//! A transfer function as a medium on the GPU, and what bounds its extinction in each brick of a
+//! A transfer function as a medium on the GPU, and the bounds of its extinction in each brick of a
 //! volume.
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};

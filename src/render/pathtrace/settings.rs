@@ -15,7 +15,7 @@ pub struct PathTrace {
     pub density: f64,
     /// Light from everywhere: makes an unshadowed white surface this bright.
     pub environment: f64,
-    /// What light is multiplied by before it becomes sRGB.
+    /// The factor of light before it becomes sRGB.
     pub exposure: f64,
     /// Mean cosine of the medium's scattering (Henyey-Greenstein): above 0 forwards, below
     /// backwards.

@@ -2,8 +2,8 @@
 
 use crate::gpu::{ErrorScope, Gpu, GpuError};
 
-/// What distinguishes a stage. Group 0 is shared with the ray caster, and both stages begin with
-/// the same files and bindings.
+/// The parts that distinguish a stage. Group 0 is shared with the ray caster, and both stages begin
+/// with the same files and bindings.
 pub(super) struct StageParts {
     /// Of the shader and of its entry point.
     name: &'static str,

@@ -38,7 +38,7 @@ pub(crate) struct PathTracer {
     sums: Option<Sums>,
 }
 
-/// What passes are made of.
+/// The inputs of passes.
 #[derive(Clone, Copy)]
 pub(crate) struct PathTraceJob<'a> {
     pub(crate) gpu: &'a Gpu,
@@ -91,7 +91,7 @@ impl PathTracer {
             Some(sums) if sums.can_become(on_gpu.hash, request) => sums,
             other => Sums::new(gpu, on_gpu.hash, request, other)?,
         };
-        // What failed half-way is not kept: its sums may hold half a pass.
+        // A result that failed half-way is not kept: its sums may hold half a pass.
         self.add_passes(order, &mut sums, watch)?;
         let mut picture: Vec<[u8; 4]> =
             sums.picture.read(gpu, |bytes| bytemuck::cast_slice(bytes).to_vec())?;

@@ -35,7 +35,7 @@ pub(super) struct Gathered<L: Lanes> {
     pub(super) before_crossing: [L::Real; 2],
 }
 
-/// What samples are. Waiting ones have N components.
+/// The kind of samples. Waiting ones have N components.
 pub(super) trait Blend<L: Lanes, const N: usize> {
     /// Adds samples k of the chosen rays behind those before; says whether any of them is visible.
     fn gather(

@@ -49,7 +49,7 @@ struct Source<L: Lanes> {
     points: Vec<[f64; 3]>,
 }
 
-/// What the rays of a cell share.
+/// The common values of a cell's rays.
 struct March<'a, L: Lanes> {
     scene: Scene<'a, L>,
     start_from_voxel: DAffine3,

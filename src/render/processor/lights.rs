@@ -1,5 +1,5 @@
-//! Light of a visible sample: the headlight or placed lights, their shadows, and what its
-//! surroundings take away; as `shaders/lib/lights.wgsl`.
+//! Light of a visible sample: the headlight or placed lights, their shadows, and the
+//! occlusion by its surroundings; as `shaders/lib/lights.wgsl`.
 //!
 //! Spaces: voxel index; directions along the patient axes, unit length; places in mm from the
 //! volume's centre, along the patient axes. Shadows and openness are looked up in cells, a cell's

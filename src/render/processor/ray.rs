@@ -20,7 +20,7 @@ const ALONG_PLANE: f64 = 1e-12;
 /// An interval without any distance: its start, and minus its end, mm.
 const NOWHERE_MM: f64 = 1e30;
 
-/// What the rays of a picture share.
+/// The common values of a picture's rays.
 pub(super) struct View<L: Lanes> {
     lanes: L,
     voxel_from_start: [Triple<L::Real>; 4],

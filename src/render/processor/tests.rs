@@ -25,7 +25,7 @@ fn usual(volume: &Volume, preset: &str, vertical_fov_deg: f64) -> RenderRequest 
     let orbit = Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg };
     let scene = SceneFile::default().with_preset(preset).with_size(SIZE_PX);
     let request = scene.resolve(volume.grid(), &orbit).unwrap().request;
-    // Halfway between bytes: the region and what is beside it must round alike.
+    // Halfway between bytes: the region and its surroundings must round alike.
     RenderRequest { background_rgb: [0.3, 0.5, 0.1], ..request }
 }
 

@@ -206,7 +206,8 @@ pub(super) fn resolve_labels(
         EdgesFile::Voxels => Edges::Voxels,
     };
     let labels = Labels { map: Arc::clone(map), looks, transfers, edges };
-    // What changes nothing but cannot be shown is still refused, by the request's own checks.
+    // Labels that change nothing but cannot be shown are still refused, by the request's own
+    // checks.
     Ok((!(can && labels.are_plain())).then(|| Arc::new(labels)))
 }
 

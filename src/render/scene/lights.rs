@@ -1,4 +1,4 @@
-//! Placed lights and the path tracer's settings as written in JSON, and what each becomes.
+//! Placed lights and the path tracer's settings as written in JSON, and their resolved forms.
 
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};

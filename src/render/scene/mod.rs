@@ -51,7 +51,7 @@ pub use written::{preset_json, shading_json, transfer_json};
 pub struct Scene {
     /// The request for the renderer.
     pub request: RenderRequest,
-    /// What the camera was fitted to, where the scene had none.
+    /// The part of the volume that the camera was fitted to, where the scene had none.
     pub frame: FramingRule,
     /// For which anatomy the preset or window was chosen, where the scene had no transfer function.
     pub chosen: Option<Anatomy>,

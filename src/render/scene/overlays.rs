@@ -94,7 +94,7 @@ impl OverlaysFile {
     /// The kinds of items, each the one key of an item.
     pub(super) const KINDS: [&str; 5] = ["landmark", "line", "curve", "mesh", "text"];
 
-    /// Switches on what `name` says.
+    /// Switches on the overlay `name`.
     ///
     /// # Errors
     /// When there is no overlay of this name.

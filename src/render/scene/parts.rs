@@ -1,4 +1,4 @@
-//! The parts of a scene as written in JSON, and what each becomes.
+//! The parts of a scene as written in JSON, and their resolved forms.
 
 use serde::{Deserialize, Deserializer};
 
@@ -101,7 +101,7 @@ pub(super) fn expect_objects(scene: &serde_json::Value) -> Result<(), SceneError
     Ok(())
 }
 
-/// The items of the overlays, and what each says.
+/// The items of the overlays, and their settings.
 fn overlay_items(scene: &serde_json::Value) -> impl Iterator<Item = String> {
     let items = scene.pointer("/overlays/items").and_then(serde_json::Value::as_array).map_or(0, Vec::len);
     (0..items).flat_map(|i| {
@@ -125,7 +125,7 @@ pub(super) fn default_shading(preset: Option<&Preset>) -> Shading {
 }
 
 impl DepthFile {
-    /// What applies where nothing was written: the rule that the layout needs.
+    /// The default where nothing was written: the rule that the layout needs.
     pub(super) fn usual(display: &DisplaySettings) -> Self {
         let fraction = DepthRule::USUAL_FRACTION;
         Self::of_rule(if display.layout.needs_background() {

@@ -1,4 +1,4 @@
-//! How samples reflect light, and what shadows and surroundings take away, as written in JSON.
+//! Reflection of samples, shadows and occlusion by surroundings, as written in JSON.
 
 use serde::Deserialize;
 
@@ -68,7 +68,7 @@ impl ShadingFile {
         Illumination { shadows: self.shadows.unwrap_or(0.0), occlusion }
     }
 
-    /// What stays when a preset brings its own reflection: shadows and occlusion.
+    /// The part that stays when a preset brings its own reflection: shadows and occlusion.
     pub(super) fn without_reflection(self) -> Option<Self> {
         let Self { shadows, occlusion, .. } = self;
         let is_something = shadows.is_some() || occlusion.is_some();

@@ -1,4 +1,4 @@
-//! A scene's transfer function as written in JSON, and what it becomes.
+//! A scene's transfer function as written in JSON, and its resolved form.
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{MapAccess, Visitor};
@@ -128,7 +128,8 @@ impl Windows {
         made.map_err(RequestError::from)
     }
 
-    /// What suits the anatomy; without one the first preset, or a window for soft tissue.
+    /// The transfer function that suits the anatomy; without one the first preset, or a window for
+    /// soft tissue.
     fn default_transfer(self, anatomy: Option<Anatomy>) -> TransferFile {
         match self {
             Self::Translucent => {

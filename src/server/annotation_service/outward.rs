@@ -1,5 +1,5 @@
-//! What clients are shown of items and events: all but the frame of reference, which is a UID and
-//! that of the volume anyway.
+//! Items and events as clients see them: without the frame of reference, which is a UID, and the
+//! volume's anyway.
 
 use serde_json::{Value, json};
 

@@ -1,4 +1,4 @@
-//! [`Annotations`]: the store of a server with what is kept beside it.
+//! [`Annotations`]: the store of a server, and its caches.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};

@@ -68,7 +68,7 @@ impl Snapshot {
         let concerns = |(event, home): &&(Event, Home)| is_here(home) || self.at.contains_key(&event.id);
         let mut changed: HashMap<ItemId, Option<Arc<Versioned>>> = HashMap::new();
         for (event, home) in events.iter().filter(concerns) {
-            // What went to another frame of reference is gone from this one.
+            // An item that went to another frame of reference is gone from this one.
             let item = event.item.clone().filter(|_| is_here(home));
             changed.insert(event.id, item.map(|item| bare(event.version, item)));
         }

@@ -85,6 +85,6 @@ mod tests {
             ["a", "c", "default"]
         );
         let nobodys = [set("x", None, true)];
-        assert!(!Visible::new(&nobodys, None).sees("x"), "a blinded set without a reader is nobody's");
+        assert!(!Visible::new(&nobodys, None).sees("x"), "a blinded set without a reader is hidden");
     }
 }

@@ -71,7 +71,7 @@ pub(crate) fn missing() -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-author", detail).with("path", "author")
 }
 
-/// A percent-encoded text; `None` when it is none, or not UTF-8.
+/// A percent-encoded text; `None` when its encoding is wrong, or not UTF-8.
 pub(crate) fn decoded(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

@@ -119,7 +119,7 @@ async fn find(asked: &EditRequest, author: Option<&str>, id: &str) -> Result<Arc
     known.cloned().ok_or_else(|| no_such_item(&id))
 }
 
-/// What `If-Match` says (RFC 9110, 13.1.1).
+/// The condition of `If-Match` (RFC 9110, 13.1.1).
 enum Condition {
     /// `If-Match: *` matches any version.
     Any,

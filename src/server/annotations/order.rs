@@ -56,7 +56,7 @@ pub(super) struct NewStructure {
 }
 
 impl NewStructure {
-    /// The order of a body, and what else is in it.
+    /// The order of a body, and its other members.
     ///
     /// # Errors
     /// When a key of the body is malformed or unknown, or a name is invalid.

@@ -81,7 +81,7 @@ async fn rendered(
 
 fn metadata(accept: &HeaderMap, module: &str) -> Result<Response, Problem> {
     if !accepts(accept, METADATA) {
-        let detail = format!("none of what Accept allows is on offer; on offer: {METADATA}");
+        let detail = format!("Accept allows no media type of this answer; they are: {METADATA}");
         let problem = Problem::new(StatusCode::NOT_ACCEPTABLE, "not-acceptable", detail);
         return Err(problem.with("offers", vec![METADATA]));
     }

@@ -17,7 +17,7 @@ use crate::problem::Problem;
 pub struct Admission {
     /// Bearer tokens, and sign-in to the pages by them.
     pub tokens: Option<Arc<Tokens>>,
-    /// What holders of a verified client certificate may do; their name is its common name.
+    /// The scope of verified client certificates; their holder's name is the common name.
     pub certificates: Option<Scope>,
     /// A proxy that has verified the caller.
     pub proxy: Option<TrustedProxy>,
@@ -26,11 +26,11 @@ pub struct Admission {
 /// A proxy that names verified callers in a header, as percent-encoded UTF-8.
 #[derive(Clone, Debug)]
 pub struct TrustedProxy {
-    /// The header, such as `X-Forwarded-User`. The proxy must remove it from what clients send.
+    /// The header, such as `X-Forwarded-User`. The proxy must remove it from requests of clients.
     pub header: HeaderName,
     /// Addresses of the proxy. The header of any other peer is ignored.
     pub addresses: Vec<IpAddr>,
-    /// What callers may do.
+    /// The scope of callers.
     pub scope: Scope,
 }
 
@@ -76,7 +76,7 @@ impl Admission {
         self.tokens.as_ref()?.find(token).map(Identity::from)
     }
 
-    /// Whether what was proved is still valid: a token may have been removed since.
+    /// Whether the proof is still valid: a token may have been removed since.
     pub(crate) fn still_accepts(&self, caller: &Caller) -> bool {
         caller.identity.as_ref().is_none_or(|identity| match &identity.proof {
             Proof::Token(sha256) => {

@@ -19,7 +19,7 @@ pub(crate) struct Peer {
     pub(crate) is_encrypted: bool,
 }
 
-/// A verified name and what it may do.
+/// A verified name and its rights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
     pub(crate) name: String,
@@ -65,7 +65,7 @@ impl Caller {
         }
     }
 
-    /// The author of what the caller changes: the verified name, or else the stated one.
+    /// The author of the caller's changes: the verified name, or else the stated one.
     ///
     /// # Errors
     /// 403 when both are there and differ.

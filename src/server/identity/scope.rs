@@ -5,7 +5,7 @@ use std::fmt;
 use axum::http::Method;
 use serde::{Deserialize, Serialize};
 
-/// What an identity may do. Each scope contains those before it.
+/// The rights of an identity. Each scope contains those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scope {

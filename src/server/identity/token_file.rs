@@ -19,16 +19,16 @@ use relief_base::{read_at_most, sha256_of, write_whole};
 
 /// Largest file.
 const MOST_BYTES: u64 = 4 << 20;
-/// What every token begins with, so that scanners for leaked secrets find it.
+/// The beginning of every token, by which scanners for leaked secrets find it.
 const PREFIX: &str = "relief_";
 
 /// A token as the file knows it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TokenEntry {
-    /// The holder's name: the author of what they change. Unique in the file.
+    /// The holder's name: the author of their changes. Unique in the file.
     pub name: String,
-    /// What the holder may do.
+    /// The holder's rights.
     pub scope: Scope,
     /// SHA-256 of the token, hexadecimal.
     pub sha256: String,
@@ -50,7 +50,7 @@ impl TokenEntry {
 pub struct NewToken {
     /// The holder's name.
     pub name: String,
-    /// What the holder may do.
+    /// The holder's rights.
     pub scope: Scope,
     /// When it ends.
     pub expires: Option<Timestamp>,
@@ -162,7 +162,7 @@ pub fn add_token(path: &Path, new: NewToken) -> Result<String, TokenFileError> {
 /// Removes the token of this name. Servers that use the file refuse it within a second.
 ///
 /// # Errors
-/// When there is none, or the file cannot be read or written.
+/// When there is no such token, or the file cannot be read or written.
 pub fn remove_token(path: &Path, name: &str) -> Result<(), TokenFileError> {
     let mut entries = read_tokens(path)?;
     let before = entries.len();

@@ -25,7 +25,7 @@ struct Known {
     looked: Instant,
 }
 
-/// What changes with the content of a file: its time and its length.
+/// The properties of a file that change with its content: its time and its length.
 type Version = (SystemTime, u64);
 
 impl Tokens {

@@ -1,7 +1,7 @@
 //! An open session's connection: a reader executes messages, a writer sends frames while the client
 //! has capacity.
 //!
-//! What waits for the writer is bounded: the newest picture of the view, a few short messages, and
+//! The queue of the writer is bounded: the newest picture of the view, a few short messages, and
 //! the one frame that is being handed over. Frames are encoded only while fewer than two are out,
 //! so a connection that takes nothing holds two and no more.
 
@@ -98,7 +98,7 @@ impl Connected {
         }
     }
 
-    /// What ends a connection from outside.
+    /// The reason to end a connection from outside.
     pub(super) async fn interrupted(&self) -> End {
         let mut closing = self.parts.live.closing.subscribe();
         let mut ended = self.session.view.ended.subscribe();

@@ -1,4 +1,4 @@
-// Messages over the picture: events, and errors with what to do.
+// Messages over the picture: events, and errors with their remedies.
 
 import { $ } from "./state.js";
 import { Refusal } from "./view.js";

@@ -64,7 +64,8 @@ impl Cut {
             }
             goes_on = to == 1.0;
         }
-        // What runs straight through is a point of the plane, which a line shows by its width.
+        // A line that runs straight through is a point of the plane, which a line shows by its
+        // width.
         parts
     }
 

@@ -1,4 +1,4 @@
-//! What items become, held against geometry.
+//! Shapes of items, held against geometry.
 
 use std::sync::Arc;
 

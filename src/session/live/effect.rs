@@ -1,4 +1,5 @@
-//! What intents cause beyond the view in which they are made, and which annotations a view draws.
+//! Effects of intents beyond the view in which they are made, and the annotations that a view
+//! draws.
 
 use std::sync::Arc;
 
@@ -53,13 +54,13 @@ pub struct Outcome {
     pub replaced: bool,
     /// Effects, in the order of their intents.
     pub effects: Vec<Effect>,
-    /// What the view showed when the intents were applied.
+    /// The state of the view when the intents were applied.
     pub context: EditContext,
     /// Why the first refused intent was refused. The intents after it were not applied.
     pub refused: Option<LiveError>,
 }
 
-/// What a view shows, for edits that were made in it.
+/// The state of a view, for edits that were made in it.
 #[derive(Clone, Debug)]
 pub struct EditContext {
     /// The volume.

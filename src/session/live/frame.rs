@@ -71,7 +71,7 @@ pub struct ViewFrame {
     pub state: Arc<str>,
     /// View depths of Z = 0 and Z = 1.
     pub limits: DepthLimits,
-    /// What it was rendered from.
+    /// The request that it was rendered from.
     pub(super) request: RenderRequest,
     pub(super) entry: Arc<VolumeEntry>,
     pub(super) encodings: Encodings,

@@ -38,7 +38,7 @@ pub(super) struct FrameJob {
     pub(super) keeps_size: bool,
 }
 
-/// What the render loop does next.
+/// The next step of the render loop.
 pub(super) enum NextStep {
     Render(Box<FrameJob>),
     /// The request of this revision is invalid.

@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn the_point_farthest_outside_is_named_and_unnamed_ones_do_not_count() {
-        // From the front: what is 20 mm towards the eye has a view depth of 980 mm.
+        // From the front: a point 20 mm towards the eye has a view depth of 980 mm.
         let camera = Camera::new(
             Point::<Patient>::new(0.0, -1000.0, 0.0),
             Point::new(0.0, 0.0, 0.0),

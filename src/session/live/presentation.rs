@@ -1,4 +1,4 @@
-//! What a view shows, except for its camera: volume, scene, preset, display settings, size.
+//! The content of a view, except for its camera: volume, scene, preset, display settings, size.
 //!
 //! A [`Presentation`] is complete and valid: a change returns a new one, or an error that leaves
 //! the old one in place. The scene is stored as a JSON merge patch (RFC 7396) on an empty request,
@@ -36,7 +36,7 @@ const ELSEWHERE: [(&str, &str); 5] = [
     ("annotations", "annotations beside scene"),
 ];
 
-/// What a view shows, except for its camera.
+/// The content of a view, except for its camera.
 #[derive(Clone, Debug)]
 pub struct Presentation {
     pub(super) entry: Arc<VolumeEntry>,
@@ -335,7 +335,7 @@ fn stage_of(entry: &VolumeEntry, base: &Scene) -> Result<Stage, LiveError> {
     let stage = Stage::of_grid(&entry.grid, base.request.size_px, presets, home)?;
     Ok(match base.frame {
         FramingRule::Volume => stage,
-        // Not what is visible: the view would move with every preset.
+        // Not the visible part: the view would move with every preset.
         FramingRule::Visible | FramingRule::Tissue => {
             stage.framed(entry.framing.center(), radius_mm, entry.framing.narrowest_aspect())
         }

@@ -1,4 +1,4 @@
-//! Depth limits of a live view, which follow what is visible without a jump.
+//! Depth limits of a live view, which follow the visible part without a jump.
 //!
 //! Limits that follow every frame exactly would make the relief breathe while the camera moves. Small
 //! changes are left out, larger ones take up to a second; a view at rest has its exact limits. While
@@ -16,7 +16,7 @@ const HYSTERESIS: f64 = 0.05;
 /// How fast limits move, in extents per second.
 const EXTENTS_PER_S: f64 = 1.0;
 
-/// What a view is doing.
+/// The activity of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Activity {
     Moving,

@@ -240,7 +240,7 @@ impl View {
         self.lock().presentation.shown.clone()
     }
 
-    /// What the view shows now.
+    /// The present content of the view.
     #[must_use]
     pub fn context(&self) -> EditContext {
         self.lock().context()
@@ -258,7 +258,7 @@ impl View {
         })
     }
 
-    /// Draws these annotations, unless the view has changed what it draws meanwhile.
+    /// Draws these annotations, unless the view has changed its annotations meanwhile.
     pub(super) fn set_drawables(
         &self,
         wanted: &DrawablesWanted,

@@ -24,7 +24,7 @@ pub struct LoadedVolume {
     pub labels: Option<Arc<LabelMap>>,
 }
 
-/// What the names of volumes are made of.
+/// The source of the names of volumes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NameSource {
     /// The body part that the voxels show.
@@ -128,8 +128,8 @@ impl VolumeEntry {
         }
     }
 
-    /// What people call it: the body part and the size. Descriptions of series may name patients; they
-    /// take the body part's place where the operator shows them.
+    /// Its name for people: the body part and the size. Descriptions of series may name patients;
+    /// they take the body part's place where the operator shows them.
     #[must_use]
     pub fn name(&self) -> String {
         let [nx, ny, nz] = self.grid.dims();

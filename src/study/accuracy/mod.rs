@@ -22,7 +22,7 @@ pub use pointer::PointerKind;
 use relief_render::Renderer;
 use relief_volume::Phantom;
 
-/// What to simulate.
+/// The settings of a simulation.
 #[derive(Clone, Debug)]
 pub struct AccuracySettings {
     /// The devices to place with.

@@ -27,7 +27,7 @@ pub struct Comparison {
     pub errors: Vec<ReadingErrors>,
     /// Errors of all sets together; none where no landmark has a reference.
     pub all: Option<ErrorSummary>,
-    /// What sets lack.
+    /// The landmarks that sets lack.
     pub missing: Vec<Missing>,
     /// Lengths, angles, areas and volumes.
     pub measures: Vec<MeasureRow>,
@@ -121,7 +121,7 @@ pub fn compare_readings(study: Study) -> Result<Comparison, AgreementError> {
     let (measures, measure_errors) = measure_rows(&readings, &targets, &measured);
     let mut pairings: Vec<Pairing> =
         quantities.iter().flat_map(|quantity| pairings(&readings, truth.as_ref(), quantity)).collect();
-    // By whom, then by what.
+    // By reader, then by target.
     let place = |set: &str| readings.iter().position(|reading| reading.set == set);
     pairings.sort_by_key(|pairing| (pairing.relation, place(&pairing.first), place(&pairing.second)));
     let mut agreements: Vec<Agreement> =

@@ -14,7 +14,7 @@ pub(super) struct Target<'a> {
     /// Its list, where the name alone is ambiguous.
     pub(super) list: &'a str,
     pub(super) name: &'a str,
-    /// What each reading has of it.
+    /// The item of each reading.
     pub(super) found: Vec<Result<&'a Item, Absence>>,
 }
 

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | reader | a person, or a program, who placed items |
 //! | reading | the items of one reader at one time: a set |
-//! | target | what was to be placed: items of one name in all readings |
+//! | target | the landmark to place: items of one name in all readings |
 //! | case | the targets of one patient: of one frame of reference |
 //! | reference | where a target should be: at the truth where there is one, else at the mean of the readers |
 

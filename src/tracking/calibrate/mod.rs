@@ -3,8 +3,8 @@
 //! Bundle adjustment: the camera's seven numbers and a pose for each view, by Levenberg-Marquardt
 //! on all pixels at once. The poses are eliminated view by view (Schur complement), so the work
 //! grows with the number of views. A view of four LEDs has eight equations for six unknowns of its
-//! own: two remain for the camera. So many views are needed, from different sides and all over the
-//! picture. An insufficient set is refused with the reason.
+//! own: two remain for the camera. Therefore it needs many views, from different sides and all over
+//! the picture. An insufficient set is refused with the reason.
 
 mod adjust;
 mod choose;

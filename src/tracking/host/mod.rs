@@ -23,7 +23,7 @@ pub enum Sensitivity {
     Level1,
     /// 2.
     Level2,
-    /// What Linux' driver sets.
+    /// The mode that Linux' driver sets.
     #[default]
     Level3,
     /// 4.
@@ -165,7 +165,7 @@ impl Host {
         self.gyroscope
     }
 
-    /// What to send now, if anything. Call it after every report, and every 50 ms or so.
+    /// The report to send now, if any. Call it after every report, and every 50 ms or so.
     pub fn poll(&mut self, now_ns: u64) -> Option<Output> {
         let silent = self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) > SILENCE_NS);
         if silent && self.at > 0 && self.state() != HostState::Refused {

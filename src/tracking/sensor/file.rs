@@ -39,7 +39,7 @@ pub enum CameraFileError {
         key: &'static str,
         /// The value.
         found: String,
-        /// What should be.
+        /// The expected content.
         expected: &'static str,
     },
     /// Numbers that no camera has.

@@ -1,6 +1,6 @@
 //! Random numbers for simulations, and random views of a beacon.
 //!
-//! The sequence of a seed is part of what simulations promise, so it is written out here:
+//! Simulations guarantee the sequence of a seed, so it is written out here:
 //! `SplitMix64` (Steele, Lea and Flood 2014), and normal numbers by Box and Muller's formula.
 
 use nalgebra::{Vector2, Vector3};

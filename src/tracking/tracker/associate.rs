@@ -21,7 +21,7 @@ const STRAY: f64 = 24.0;
 /// By how much the best way has to be better than one that calls a blob another LED.
 const MARGIN: f64 = 12.0;
 
-/// What blobs are.
+/// The kind of blobs.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Association {
     /// These LEDs.

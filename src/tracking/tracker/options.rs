@@ -5,7 +5,7 @@ use crate::report::calibration::AccelerometerCalibration;
 use crate::report::motion_plus::GyroCalibration;
 use crate::solve::bound::quantised_noise;
 
-/// What joins the poses of single frames.
+/// The filter that joins the poses of single frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilterKind {
     /// Nothing: each frame on its own.
@@ -31,7 +31,7 @@ pub enum SolverKind {
 /// See the fields; [`TrackerOptions::default`] suits a hand that holds a Wiimote.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackerOptions {
-    /// What joins frames.
+    /// The filter that joins frames.
     pub filter: FilterKind,
     /// How single frames are solved.
     pub solver: SolverKind,
@@ -50,9 +50,9 @@ pub struct TrackerOptions {
     pub gyroscope_sigma: f64,
     /// LEDs whose pictures are nearer than this are one blob, px.
     pub merge_px: f64,
-    /// What accelerometer counts mean.
+    /// The scale of accelerometer counts.
     pub accelerometer: AccelerometerCalibration,
-    /// What gyroscope counts mean.
+    /// The scale of gyroscope counts.
     pub gyroscope: GyroCalibration,
 }
 

@@ -1,4 +1,4 @@
-//! What an orbit circles, and how far away it has to be to show all of it.
+//! The centre of an orbit, and its distance to show all of a volume.
 //!
 //! Spaces: patient mm. A framing holds for a whole turn about the patient's long axis, so that a
 //! turning picture keeps its scale.
@@ -11,7 +11,7 @@ use super::Orbit;
 use crate::Grid;
 use relief_base::{Patient, Point};
 
-/// A focal point and what surrounds it.
+/// A focal point and the space around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Framing {
     center: Point<Patient>,
@@ -80,8 +80,8 @@ impl Framing {
         Self::of_sphere(grid.center(), grid.bounding_radius_mm())
     }
 
-    /// What these points sweep when they turn about the long axis through the middle of their
-    /// bounding box; `None` where there are no points, or all are the same.
+    /// The space that these points sweep when they turn about the long axis through the middle of
+    /// their bounding box; `None` where there are no points, or all are the same.
     #[must_use]
     pub fn of_points(points: &[Point<Patient>]) -> Option<Self> {
         let low = points.iter().fold(DVec3::INFINITY, |low, point| low.min(point.xyz));

@@ -4,7 +4,7 @@
 //! make equal voxels, whatever the number of threads. Nothing is read or written here:
 //! `dicom::write` makes files of it.
 //!
-//! | kind | size is | what it is for |
+//! | kind | size is | purpose |
 //! |---|---|---|
 //! | `head` | voxels across 240 mm; 256 x 256 x 220 by default | anatomy worth showing, landmarks |
 //! | `sphere` | voxels across 256 mm | depth and normals in closed form |

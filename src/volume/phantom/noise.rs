@@ -79,7 +79,7 @@ fn unit(bits: u64) -> f32 {
 /// The grain of one slice: normal to a good approximation, mean 0, deviation 1, correlated between
 /// neighbours in the slice as the reconstruction of a CT leaves it.
 pub(super) fn grain(width: usize, height: usize, slice: usize, seed: u64) -> Vec<f32> {
-    /// Weights of the neighbours along one axis, and what makes their squares sum to 1.
+    /// Weights of the neighbours along one axis, and the factor that makes their squares sum to 1.
     const SIDE: f32 = 0.22;
     const CENTER: f32 = 1.0 - 2.0 * SIDE;
     let norm = 1.0 / (CENTER * CENTER + 2.0 * SIDE * SIDE);

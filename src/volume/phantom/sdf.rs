@@ -1,6 +1,6 @@
-//! Signed distance fields of rounded parts: what organic shapes are built from.
+//! Signed distance fields of rounded parts, from which organic shapes are built.
 //!
-//! A [`Field`] is a list of parts, joined to or cut from what came before with a smooth transition
+//! A [`Field`] is a list of parts, joined to or cut from those before with a smooth transition
 //! of `blend` mm (quadratic polynomial blending after Quilez). Distances are negative inside, in
 //! patient LPS mm. They are exact near the surface of balls, cones and blocks and first-order
 //! elsewhere; beyond a field's `reach` only their sign and the fact that they are beyond it can be

@@ -1,7 +1,7 @@
 //! The table on which a patient lies: couch, headrest, straps, sheets and tubes beside the body.
 //!
-//! It finds what is not the patient by shape, in cells of 2 mm; it knows no anatomy and no scanner.
-//! Thick tissue (from -300 HU) belongs to the patient; so do tissue within 6 mm of it and everything
+//! It separates the patient from other objects by shape, in cells of 2 mm, without knowledge of
+//! anatomy or of the scanner. Thick tissue (from -300 HU) belongs to the patient; so do tissue within 6 mm of it and everything
 //! that it encloses in a slice. A closed, round, hollow object, such as a plastic skull, counts as a
 //! patient. All other tissue is thin. Thin pieces of at least 60 mm are the table, and so are sheets
 //! (from -750 HU) of at least 60 mm. Shorter pieces stay: they may be an ear, a finger or a marker.
@@ -29,7 +29,7 @@ const SKIN_MM: f64 = 6.0;
 const PIECE_MM: f64 = 60.0;
 /// The faint surroundings of a table, which go with it, mm: blurred edges and covers.
 const SURROUNDINGS_MM: f64 = 6.0;
-/// What stays keeps this much around it, mm.
+/// The margin around everything that stays, mm.
 const MARGIN_MM: f64 = 2.6;
 /// HU where the table was.
 const AIR_HU: i16 = -1000;

@@ -1,4 +1,4 @@
-//! A body, what lies on and beside it, and the table below: each voxel knows what it is.
+//! A body, objects on and beside it, and the table below: the truth of each voxel is known.
 
 use super::*;
 use crate::Grid;

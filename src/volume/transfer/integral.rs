@@ -12,7 +12,7 @@ use glam::DVec4;
 /// of optical depth, both of one sample's path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegralTable {
-    /// As many as the table has entries; linear between them.
+    /// One for each entry of the table; linear between them.
     pub entries: Vec<[f32; 4]>,
 }
 

@@ -135,7 +135,7 @@ impl TransferFunction {
         Self { gradient_opacity: Some(gradient_opacity), ..self }
     }
 
-    /// What opacities are multiplied by, where they are.
+    /// The factor of opacities, where there is one.
     #[must_use]
     pub fn gradient_opacity(&self) -> Option<&GradientOpacity> {
         self.gradient_opacity.as_ref()

@@ -13,7 +13,7 @@ pub struct TransferTable {
     /// Red, green, blue and the opacity of one sample; where there is opacity by gradient, that of
     /// one opacity unit.
     pub entries: Vec<[f32; 4]>,
-    /// What opacities are still to be multiplied by.
+    /// The factor that opacities are still to be multiplied by.
     pub gradient: Option<GradientTable>,
     /// For pre-integrated classification.
     pub integral: Option<IntegralTable>,
@@ -38,7 +38,7 @@ impl TransferTable {
         Self::within(transfer, step_mm, Self::MAX_ENTRIES)
     }
 
-    /// As [`TransferTable::new`], with what pre-integrated classification looks up beside; both
+    /// As [`TransferTable::new`], with the tables of pre-integrated classification beside; both
     /// have half the room.
     #[must_use]
     pub fn integrated(transfer: &TransferFunction, step_mm: f64) -> Self {

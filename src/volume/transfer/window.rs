@@ -64,7 +64,7 @@ impl Window {
         Self { center_hu, width_hu, map: WindowMap::Grey, is_inverted: false }
     }
 
-    /// For rays: the brightest channel of a colour is its opacity, and what remains is the colour.
+    /// For rays: the brightest channel of a colour is its opacity, and the rest is the colour.
     /// Grey is white of rising opacity.
     ///
     /// # Errors

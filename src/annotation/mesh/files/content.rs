@@ -1,4 +1,5 @@
-//! What readers of mesh files share: the axes that a file states, and the form of its triangles.
+//! Parts that readers of mesh files share: the axes that a file states, and the form of its
+//! triangles.
 
 use glam::DVec3;
 

@@ -58,7 +58,7 @@ pub struct MeshFileError {
     pub at: MeshFilePlace,
     /// The found text or number.
     pub found: String,
-    /// What should be.
+    /// The expected content.
     pub expected: String,
 }
 

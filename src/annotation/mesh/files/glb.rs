@@ -18,7 +18,7 @@ const FORMAT: MeshFormat = MeshFormat::Glb;
 const MAGIC: u32 = 0x4654_6c67;
 const JSON: u32 = 0x4e4f_534a;
 const BIN: u32 = 0x004e_4942;
-/// Column after column: from LPS mm to what glTF asks for.
+/// Column after column: from LPS mm to the axes and metres of glTF.
 const GLTF_FROM_PATIENT: [f64; 16] =
     [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 /// Most nodes, however they are nested.

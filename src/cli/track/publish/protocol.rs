@@ -1,4 +1,4 @@
-//! What a protocol for publishing implements.
+//! The interface of a protocol for publishing.
 
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
@@ -24,7 +24,7 @@ pub(crate) struct Published {
 pub(super) trait Session {
     /// The first bytes of a connection.
     fn greeting(&mut self) -> Vec<u8>;
-    /// Answers to what a client sent.
+    /// Answers to bytes of a client.
     fn answer(&mut self, received: &[u8], unix_ns: u64) -> std::io::Result<Vec<u8>>;
     /// A new state.
     fn publish(&mut self, published: &Published) -> Vec<u8>;

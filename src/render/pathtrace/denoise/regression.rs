@@ -97,7 +97,7 @@ fn add<const N: usize>(sums: &mut [f64; N], values: &[f64; N], sign: f64) {
     sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += sign * value);
 }
 
-/// What a pixel adds to the sums of a window.
+/// The contribution of a pixel to the sums of a window.
 fn moments(pixel: &Pixel) -> [f64; MOMENTS] {
     let mut moments = [0f64; MOMENTS];
     if pixel.coverage == 0.0 {

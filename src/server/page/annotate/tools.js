@@ -1,4 +1,4 @@
-// The tool rail and what belongs to the tool that is chosen: its hint, its fields, the snap.
+// The tool rail and the parts of the chosen tool: its hint, its fields, the snap.
 
 import { fewestPoints, pointsOf } from "./geometry.js";
 import { element } from "./pane.js";
@@ -66,7 +66,7 @@ export class Tools {
     for (const part of document.querySelectorAll(".of-surface")) part.hidden = this.model.snap.to !== "surface";
   }
 
-  /** What can be done with the points of what is chosen. */
+  /** The actions on the points of the chosen item. */
   #points() {
     const item = this.model.entry(this.model.selected)?.item;
     $("remove-point").hidden = item?.geometry?.kind !== "curve";

@@ -53,7 +53,7 @@ export function parallaxOf(depth, profile, display) {
 
 const percent = (share) => `${(100 * share).toFixed(1)} %`;
 
-/** What a person reads of the parallax. */
+/** The parallax in words. */
 export const comfortWords = ({ front, behind }) => `${percent(front)} of the width in front of the screen, ${percent(behind)} behind`;
 
 /** Sentences about what lies outside of the limits; none if all is comfortable. */

@@ -60,7 +60,7 @@ const synthesizer = output && (await checked(() => synthesizerOf(parameters.toSt
 const qualities = await checked(() => qualitiesOf(parameters));
 /** The rendered views of a picture at rest, in place of those that the page makes. */
 const trueViews = synthesizer && new TrueViews(qualities, { show: showGiven, failed: (reason) => (atRest = reason) });
-/** What is shown while nothing moves. */
+/** The picture while nothing moves. */
 let atRest = "";
 /** The parallax of the frame on the display. */
 let comfort = null;
@@ -69,7 +69,7 @@ const madeMs = [];
 /** For scripts that drive the page: the current view, from the state in every frame. */
 Object.defineProperty(window, "kioskView", { get: () => view?.state ?? null });
 
-/** What `read` reads from the address; an invalid address ends the page with the reason. */
+/** The value that `read` reads from the address; an invalid address ends the page with the reason. */
 async function checked(read) {
   try {
     return await read();
@@ -157,7 +157,7 @@ async function toggleSpace() {
   }
 }
 
-/** What is known of the viewer. */
+/** The state of the viewer. */
 function viewerWords() {
   if (!viewer?.shownMs) return "";
   const [left, right] = [viewer.eyes.left_mm, viewer.eyes.right_mm];

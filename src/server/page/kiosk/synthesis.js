@@ -33,7 +33,7 @@ export class Synthesis {
   #frame;
   #target;
   #textures;
-  /** What the shifts, and what the textures of intervals were made for. */
+  /** The inputs of the shifts and of the textures of intervals. */
   #shifts = "";
   #size = "";
   #reach = 1;

@@ -40,7 +40,7 @@ class InWorker {
   place = "in a worker";
   #worker;
   #number = 0;
-  /** What waits for the answer to a message, by its number. */
+  /** Callers that wait for the answer to a message, by its number. */
   #waiting = new Map();
   /** Why the worker answers nothing more. */
   #failed = null;

@@ -1,4 +1,4 @@
-//! Settings of a view: what it shows, except for its camera.
+//! Settings of a view, except for its camera.
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! Air inside the head: sinuses, nose, mouth, throat, ears, and what stands in the nose.
+//! Air inside the head: sinuses, nose, mouth, throat, ears; and the walls in the nose.
 //!
 //! Left and right differ, as they do in people.
 

@@ -17,7 +17,7 @@ pub(super) struct Node<const N: usize> {
     pub(super) sharpness: f64,
 }
 
-/// What to make of two nodes at one place.
+/// The treatment of two nodes at one place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CoincidentNodes {
     /// The later one replaces the earlier: functions that are filled point by point.

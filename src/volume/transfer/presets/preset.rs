@@ -5,7 +5,7 @@
 
 use crate::transfer::{ControlPoint, TransferFunction};
 
-/// What kind of purpose a preset has: menus put those of one group together.
+/// The purpose of a preset: menus put those of one group together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PresetGroup {
     /// Bones, teeth and metal.
@@ -68,7 +68,7 @@ pub struct Preset {
     pub name: &'static str,
     /// Its purpose, in a few words.
     pub purpose: &'static str,
-    /// What kind of purpose that is.
+    /// The kind of its purpose.
     pub group: PresetGroup,
     /// How samples become a colour, unless the request says.
     pub mode: PresetMode,
