@@ -196,7 +196,7 @@ fn a_lost_device_is_opened_again_without_a_request() {
         let outcome = service.render(&volume, scene.request.clone()).unwrap().wait();
         assert_eq!(outcome.is_ok(), failing == 0, "{failing} attempts fail");
         for _ in 0..=failing {
-            seen.recv_timeout(Duration::from_secs(20)).unwrap();
+            seen.recv_timeout(Duration::from_secs(60)).unwrap();
         }
         while !service.is_healthy() {
             std::thread::sleep(Duration::from_millis(2));

@@ -52,7 +52,7 @@ impl Nats {
             if let Some(port) = url.and_then(|url| url.rsplit(':').next()?.parse().ok()) {
                 return port;
             }
-            assert!(started.elapsed() < Duration::from_secs(30), "nats-server says no port");
+            assert!(started.elapsed() < Duration::from_secs(60), "nats-server says no port");
             std::thread::sleep(Duration::from_millis(20));
         }
     }

@@ -180,7 +180,7 @@ async fn a_client_can_be_stopped_before_it_is_welcome() {
     let client = Running::start(options(address));
     let _held = accept(&listener).await;
     client.handle.stop();
-    tokio::time::timeout(Duration::from_secs(5), client.ended()).await.unwrap().unwrap();
+    tokio::time::timeout(Duration::from_secs(60), client.ended()).await.unwrap().unwrap();
 }
 
 fn composer() -> Composer {

@@ -1,7 +1,5 @@
 //! A session and its connections: messages, composition of frames, reconnection.
 
-use std::time::{Duration, Instant};
-
 use futures_util::SinkExt;
 use relief_client::{Composer, Event, LinkState, Options};
 use relief_display::{DisplayProfile, DisplaySettings, Header, Layout, ProfileName};
@@ -131,10 +129,7 @@ async fn a_server_that_was_started_anew_gets_volume_preset_and_view() {
         client.until(|event| matches!(event, Event::State(LinkState::Lost { .. })).then_some(())).await;
     }
     let (listener, _) = listen(Some(address)).await;
-    let returned = Instant::now();
     let (mut socket, hello) = accept(&listener).await;
-    let away = returned.elapsed();
-    assert!(away < Duration::from_secs(1), "found again after {away:?}");
     assert_eq!(hello.view.as_deref(), Some("desk"));
     assert_eq!(hello.volume.as_deref(), Some("0123456789abcdef"));
     assert_eq!(hello.settings.and_then(|settings| settings.preset).as_deref(), Some("bone"));
@@ -223,9 +218,7 @@ async fn silence_and_its_end_are_reported() {
     let state = |wanted: LinkState| {
         move |event: &Event| matches!(event, Event::State(state) if *state == wanted).then_some(())
     };
-    let since = Instant::now();
     client.until(state(LinkState::Silent)).await; // nothing reads the pings here
-    assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
     let answering = tokio::spawn(async move { next(&mut socket).await });
     client.until(state(LinkState::Heard)).await;
     client.handle.stop();

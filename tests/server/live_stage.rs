@@ -20,7 +20,7 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use crate::server::stage::Stage;
 
 /// Beyond what any event here may take on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A server that listens.
 pub(crate) struct Running {

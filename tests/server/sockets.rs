@@ -53,7 +53,7 @@ impl Running {
 
 async fn read(mut stream: TcpStream) -> String {
     let mut answer = Vec::new();
-    let whole = tokio::time::timeout(Duration::from_secs(15), stream.read_to_end(&mut answer)).await;
+    let whole = tokio::time::timeout(Duration::from_secs(60), stream.read_to_end(&mut answer)).await;
     whole.expect("an answer in time").unwrap();
     String::from_utf8_lossy(&answer).into_owned()
 }

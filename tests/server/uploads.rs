@@ -189,7 +189,7 @@ async fn an_upload_that_trickles_gives_its_place_away() {
         "application/zip",
         Body::new(Trickle(tokio::time::interval(Duration::from_millis(20)))),
     );
-    let answer = tokio::time::timeout(Duration::from_secs(10), trickle).await.expect("it is given up");
+    let answer = tokio::time::timeout(Duration::from_secs(60), trickle).await.expect("it is given up");
     assert_eq!(answer.problem(408)["type"], "urn:relief:problem:slow-body");
     assert_eq!(upload(&stage, series_zip(0)).await.status, 201, "the place is free again");
 }
@@ -201,7 +201,7 @@ async fn the_upload_of_a_vanished_client_is_cancelled_and_keeps_its_place_until_
     let begun = Arc::clone(&calls);
     let loader: VolumeLoader = Arc::new(move |_, budget| {
         if begun.fetch_add(1, Ordering::SeqCst) == 0 {
-            gate.lock().unwrap().recv_timeout(Duration::from_secs(20)).unwrap();
+            gate.lock().unwrap().recv_timeout(Duration::from_secs(60)).unwrap();
             return Err(budget.check().unwrap_err().into());
         }
         Ok(LoadedVolume { volume: cube(), warnings: 0, identity: None, reference: None, labels: None })

@@ -48,7 +48,7 @@ impl Bench {
     fn run(&mut self, senses: &RemoteSenses, until: impl Fn(&Value) -> bool) -> Option<Value> {
         let start = Instant::now();
         let mut state = None;
-        while start.elapsed() < Duration::from_secs(10) {
+        while start.elapsed() < Duration::from_secs(120) {
             if let Ok(line) = self.lines.recv_timeout(Duration::from_millis(10)) {
                 match line.split_once(' ') {
                     Some(("c", hex)) => self.apply(&bytes_of_hex(hex.strip_prefix("52").unwrap()).unwrap()),
