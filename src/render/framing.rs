@@ -3,6 +3,8 @@
 //! Spaces: patient mm. It is an estimate from coarse cells (see [`Occupancy`]): what hides what, and
 //! opacity by gradient, do not count.
 
+use std::sync::Arc;
+
 use serde::Deserialize;
 
 use super::labels::Labels;
@@ -64,13 +66,28 @@ pub(crate) fn framing(
     tissue: Option<&Framing>,
     request: &RenderRequest,
     grid: &Grid,
-) -> Framing {
-    match rule {
-        FramingRule::Volume => Framing::of_grid(grid),
-        FramingRule::Tissue => tissue.cloned().unwrap_or_else(|| framing_of_tissue(occupancy, grid)),
-        FramingRule::Visible => Framing::of_points(&visible_points(occupancy, grid, request))
-            .unwrap_or_else(|| Framing::of_grid(grid)),
-    }
+) -> Arc<Framing> {
+    let found = match rule {
+        FramingRule::Volume => None,
+        FramingRule::Tissue => {
+            let tissue = tissue.cloned();
+            Some(Arc::new(tissue.unwrap_or_else(|| framing_of_tissue(occupancy, grid))))
+        }
+        FramingRule::Visible if cuts_nothing(&request.clip) && hiding_labels(request).is_none() => {
+            occupancy.framing(grid, SPECK, |low, high| is_visible(request, low, high))
+        }
+        FramingRule::Visible => Framing::of_points(&visible_points(occupancy, grid, request)).map(Arc::new),
+    };
+    found.unwrap_or_else(|| Arc::new(Framing::of_grid(grid)))
+}
+
+fn cuts_nothing(clip: &Clip) -> bool {
+    clip.planes.is_empty() && clip.sphere.is_none()
+}
+
+/// The labels of a request that hides some of them.
+fn hiding_labels(request: &RenderRequest) -> Option<&Labels> {
+    request.labels.as_deref().filter(|labels| labels.looks.iter().any(|look| !look.visible))
 }
 
 /// The sphere by which all tissue fills pictures of [`TISSUE_VIEW`] in 16:9; the bounding sphere of a
@@ -96,11 +113,12 @@ pub(crate) fn visible_points(
     request: &RenderRequest,
 ) -> Vec<Point<Patient>> {
     let cells = occupancy.cells(|low, high| is_visible(request, low, high));
+    let labels = hiding_labels(request);
     let is_shown = |[first, end]: [[usize; 3]; 2]| {
         let middle: [f64; 3] = std::array::from_fn(|axis| (first[axis] + end[axis]) as f64 / 2.0 - 0.5);
         let [i, j, k] = middle;
         keeps(&request.clip, grid.patient_from_voxel() * Point::<Voxel>::new(i, j, k))
-            && request.labels.as_deref().is_none_or(|labels| shows_any(labels, first, end))
+            && labels.is_none_or(|labels| shows_any(labels, first, end))
     };
     cells.kept(grid, is_shown).without_specks(SPECK).points(grid)
 }
@@ -129,9 +147,6 @@ fn keeps(clip: &Clip, point: Point<Patient>) -> bool {
 
 /// Whether a segment that is shown, or tissue without a segment that is, lies in a box of voxels.
 fn shows_any(labels: &Labels, first: [usize; 3], end: [usize; 3]) -> bool {
-    if labels.looks.iter().all(|look| look.visible) {
-        return true;
-    }
     let along = |axis: usize| (first[axis]..end[axis]).step_by(LOOKUPS);
     along(2)
         .any(|k| along(1).any(|j| along(0).any(|i| labels.looks[place_at(&labels.map, [i, j, k])].visible)))

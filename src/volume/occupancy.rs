@@ -1,13 +1,15 @@
 //! The values in coarse cells of a volume: they bound the visible part under any transfer function
-//! in a millisecond, also when the voxels are out of memory.
+//! in a few milliseconds, also when the voxels are out of memory.
 //!
 //! Spaces: voxel index and patient mm. A cell is a box of voxels of about 1/96 of the volume's
 //! longest side; a band is a range of 64 HU.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, Component};
-use super::{Grid, Volume};
+use super::{Framing, Grid, Volume};
 use relief_base::{Patient, Point, Voxel};
 
 /// Cells along the longest side of a volume.
@@ -18,13 +20,25 @@ const BAND_HU: i16 = 64;
 const LOWEST_HU: i16 = -1024;
 /// Bands, one for each bit of a word.
 const BANDS: usize = 64;
+/// Most framings that are kept.
+const KEPT: usize = 4;
 
 /// The bands of values that occur in each cell of a volume.
-#[derive(Clone, PartialEq)]
 pub struct Occupancy {
     cells: CellGrid,
     /// A bit for each band, x fastest.
     bands: Vec<u64>,
+    /// Framings that were asked for, the latest last.
+    framings: Mutex<Vec<KeptFraming>>,
+}
+
+/// The framing of the cells with a visible value.
+struct KeptFraming {
+    /// A bit for each visible band.
+    visible: u64,
+    /// See [`Cells::without_specks`].
+    speck: f64,
+    framing: Option<Arc<Framing>>,
 }
 
 /// Cells are left out: there are hundreds of thousands.
@@ -51,7 +65,7 @@ impl Occupancy {
         let plane = voxels[0] * voxels[1];
         let slabs = volume.voxels_hu().par_chunks(plane * cells.edges[2]);
         let bands = slabs.flat_map_iter(|slab| layer(slab, voxels, &cells)).collect();
-        Self { cells, bands }
+        Self { cells, bands, framings: Mutex::default() }
     }
 
     /// Bytes in memory.
@@ -64,14 +78,51 @@ impl Occupancy {
     /// the last band reach to the lowest and the highest HU.
     #[must_use]
     pub fn cells(&self, is_visible: impl Fn(i16, i16) -> bool) -> Cells<'_> {
-        let visible = (0..BANDS).filter(|&band| {
-            let low = LOWEST_HU + band as i16 * BAND_HU;
-            let ends = [if band == 0 { i16::MIN } else { low }, low + (BAND_HU - 1)];
-            is_visible(ends[0], if band == BANDS - 1 { i16::MAX } else { ends[1] })
-        });
-        let visible = visible.fold(0u64, |bits, band| bits | 1 << band);
+        self.cells_of(visible_bands(is_visible))
+    }
+
+    fn cells_of(&self, visible: u64) -> Cells<'_> {
         Cells { occupancy: self, is_in: self.bands.iter().map(|bands| bands & visible != 0).collect() }
     }
+
+    /// The framing of [`Occupancy::cells`] without specks, see [`Cells::without_specks`], on the grid of
+    /// the volume; `None` where nothing is visible. The latest framings are kept: a server computes
+    /// one for every picture whose request has no camera.
+    #[must_use]
+    pub fn framing(
+        &self,
+        grid: &Grid,
+        speck: f64,
+        is_visible: impl Fn(i16, i16) -> bool,
+    ) -> Option<Arc<Framing>> {
+        let visible = visible_bands(is_visible);
+        // The value is whole between statements, so a panic elsewhere leaves it usable.
+        let lock = || self.framings.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = lock();
+        if let Some(at) = kept.iter().position(|known| known.visible == visible && known.speck == speck) {
+            kept[at..].rotate_left(1);
+            return kept.last().and_then(|known| known.framing.clone());
+        }
+        drop(kept);
+        let points = self.cells_of(visible).without_specks(speck).points(grid);
+        let framing = Framing::of_points(&points).map(Arc::new);
+        let mut kept = lock();
+        if kept.len() >= KEPT {
+            kept.remove(0);
+        }
+        kept.push(KeptFraming { visible, speck, framing: framing.clone() });
+        framing
+    }
+}
+
+/// A bit for each band for which `is_visible(low_hu, high_hu)` holds.
+fn visible_bands(is_visible: impl Fn(i16, i16) -> bool) -> u64 {
+    let visible = (0..BANDS).filter(|&band| {
+        let low = LOWEST_HU + band as i16 * BAND_HU;
+        let ends = [if band == 0 { i16::MIN } else { low }, low + (BAND_HU - 1)];
+        is_visible(ends[0], if band == BANDS - 1 { i16::MAX } else { ends[1] })
+    });
+    visible.fold(0, |bits, band| bits | 1 << band)
 }
 
 /// The bands of one layer of cells.
@@ -119,11 +170,12 @@ impl Cells<'_> {
     /// The middles of the cells, on the grid of their volume.
     #[must_use]
     pub fn points(&self, grid: &Grid) -> Vec<Point<Patient>> {
+        let (patient_from_voxel, dims) = (grid.patient_from_voxel(), grid.dims());
         let cells = self.is_in.iter().enumerate().filter(|(_, is_in)| **is_in);
         let points = cells.map(|(index, _)| {
-            let [first, end] = self.occupancy.voxels_of(index, grid.dims());
+            let [first, end] = self.occupancy.voxels_of(index, dims);
             let middle = |axis: usize| (first[axis] + end[axis]) as f64 / 2.0 - 0.5;
-            grid.patient_from_voxel() * Point::<Voxel>::new(middle(0), middle(1), middle(2))
+            patient_from_voxel * Point::<Voxel>::new(middle(0), middle(1), middle(2))
         });
         points.collect()
     }
@@ -177,6 +229,27 @@ mod tests {
         assert_eq!(extent(&bone, 0), [30.5, 68.5]);
         assert_eq!(extent(&bone, 1), [60.5, 98.5]);
         assert_eq!(extent(&bone, 2), [50.0, 128.0]);
+    }
+
+    #[test]
+    fn framings_are_kept_by_their_visible_bands_and_specks() {
+        let volume = volume();
+        let occupancy = Occupancy::new(&volume);
+        let computed = |speck: f64, least: i16| {
+            let cells = occupancy.cells(|_, high| high >= least).without_specks(speck);
+            Framing::of_points(&cells.points(volume.grid()))
+        };
+        // More than are kept, twice: without air, bone and metal, metal alone, nothing.
+        for _ in 0..2 {
+            for (speck, least) in
+                [0.0, 0.01].into_iter().flat_map(|s| [-900, 300, 2000, 3100].map(|l| (s, l)))
+            {
+                let kept = || occupancy.framing(volume.grid(), speck, |_, high| high >= least);
+                assert_eq!(kept().as_deref(), computed(speck, least).as_ref(), "{speck}, {least}");
+                assert_eq!(kept(), kept());
+            }
+            assert_eq!(occupancy.framings.lock().unwrap().len(), KEPT);
+        }
     }
 
     #[test]

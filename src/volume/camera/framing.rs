@@ -3,8 +3,6 @@
 //! Spaces: patient mm. A framing holds for a whole turn about the patient's long axis, so that a
 //! turning picture keeps its scale.
 
-use std::collections::BTreeMap;
-
 use glam::DVec3;
 
 use super::Orbit;
@@ -93,8 +91,8 @@ impl Framing {
         let share = |along: f64, of: f64, count: usize| {
             if of > 0.0 { (((along / of + 0.5) * count as f64) as usize).min(count - 1) } else { 0 }
         };
-        let mut rim: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
-        let mut front: BTreeMap<(usize, usize), [DVec3; 2]> = BTreeMap::new();
+        let mut rim: Vec<Option<[f64; 2]>> = vec![None; SLICES + 2];
+        let mut front: Vec<[Option<[DVec3; 2]>; COLUMNS + 1]> = vec![[None; COLUMNS + 1]; SLICES + 2];
         for at in points.iter().map(|point| point.xyz - center) {
             // The outermost slices are flat, so that no lower point stands for the top.
             let slice = match at.z {
@@ -103,16 +101,17 @@ impl Framing {
                 z => 1 + share(z, size.z, SLICES),
             };
             let rho = at.truncate().length();
-            let widest = rim.entry(slice).or_insert([rho, at.z]);
+            let widest = rim[slice].get_or_insert([rho, at.z]);
             *widest = if rho > widest[0] { [rho, at.z] } else { *widest };
-            let ends = front.entry((slice, share(at.x, size.x, COLUMNS))).or_insert([at; 2]);
+            let ends = front[slice][share(at.x, size.x, COLUMNS)].get_or_insert([at; 2]);
             ends[0] = if at.y < ends[0].y { at } else { ends[0] };
             ends[1] = if at.y > ends[1].y { at } else { ends[1] };
-            let sides = front.entry((slice, COLUMNS)).or_insert([at; 2]);
+            let sides = front[slice][COLUMNS].get_or_insert([at; 2]);
             sides[0] = if at.x < sides[0].x { at } else { sides[0] };
             sides[1] = if at.x > sides[1].x { at } else { sides[1] };
         }
-        let (rim, front) = (rim.into_values().collect(), front.into_values().flatten().collect());
+        let rim = rim.into_iter().flatten().collect();
+        let front = front.into_iter().flatten().flatten().flatten().collect();
         Some(Self { center: Point::from_xyz(center), shape: Shape::Body { rim, front }, narrowest: 1.0 })
     }
 
