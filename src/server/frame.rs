@@ -119,7 +119,7 @@ async fn by_query(
 
 async fn answer_query(
     pictures: &Pictures,
-    entry: &VolumeEntry,
+    entry: &Arc<VolumeEntry>,
     query: &Query,
     headers: &HeaderMap,
     product: Product,
@@ -151,7 +151,7 @@ async fn by_body(
 /// Draws the annotations that the scene wants, and answers.
 async fn answer_annotated(
     pictures: &Pictures,
-    entry: &VolumeEntry,
+    entry: &Arc<VolumeEntry>,
     mut scene: Scene,
     headers: &HeaderMap,
     reply: Reply,
@@ -218,7 +218,7 @@ pub(super) struct Tagged<'a> {
 /// Answers with 304 if the tag matches, else renders and encodes.
 pub(super) async fn answer(
     pictures: &Pictures,
-    entry: &VolumeEntry,
+    entry: &Arc<VolumeEntry>,
     mut scene: Scene,
     headers: &HeaderMap,
     reply: Reply,
@@ -236,7 +236,7 @@ pub(super) async fn answer(
 /// As [`answer`], with the caller's tag and encoder.
 pub(super) async fn answer_as(
     pictures: &Pictures,
-    entry: &VolumeEntry,
+    entry: &Arc<VolumeEntry>,
     scene: &Scene,
     headers: &HeaderMap,
     Tagged { method, media, tag }: Tagged<'_>,
@@ -247,11 +247,14 @@ pub(super) async fn answer_as(
         return Ok((status, validators(tag)).into_response());
     }
     let rendered = render(pictures, entry, scene).await?;
-    let limits = rendered.frame.limits_for(&scene.display)?;
-    let camera = camera_json(&rendered.frame.camera, rendered.frame.size_px, limits).to_string();
-    let (subject, range_hu) = (entry.subject(), entry.range_hu);
-    let warning = PictureWarning::of(&rendered.frame, &scene.display, &scene.request, &subject, range_hu);
-    let (bytes, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
+    let (display, request, entry) = (scene.display.clone(), scene.request.clone(), Arc::clone(entry));
+    let encoder = move |frame: &RenderedFrame| {
+        let camera = camera_json(&frame.camera, frame.size_px, frame.limits_for(&display)?).to_string();
+        let warning = PictureWarning::of(frame, &display, &request, &entry.subject(), entry.range_hu);
+        let bytes = encoder(frame).map_err(|error| Problem::internal("encoding", error))?;
+        Ok(Encoded { bytes: bytes.into(), camera, warning })
+    };
+    let (Encoded { bytes, camera, warning }, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
     let mut response = (validators(tag), bytes).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
@@ -281,18 +284,26 @@ async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Resu
     Ok(outcome?)
 }
 
+/// A picture as bytes, and the content of its headers.
+struct Encoded {
+    bytes: Bytes,
+    /// Its camera and depth limits, JSON.
+    camera: String,
+    warning: Option<PictureWarning>,
+}
+
 /// Encodes on a blocking thread, as many at a time as there are cores, those whose clients have
-/// left included.
+/// left included; and the milliseconds that it took. Work on all pixels would delay other requests on
+/// the threads of the runtime.
 async fn encode_apart(
     pictures: &Pictures,
     rendered: &Rendered,
-    encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
-) -> Result<(Bytes, f64), Problem> {
+    encoder: impl FnOnce(&RenderedFrame) -> Result<Encoded, Problem> + Send + 'static,
+) -> Result<(Encoded, f64), Problem> {
     let frame = Arc::clone(&rendered.frame);
     let since = Instant::now();
-    let encoded = pictures.engine.encoding(frame.size_px, move || encoder(&frame)).await?;
-    let bytes = encoded.map_err(|error| Problem::internal("encoding", error))?;
-    Ok((bytes.into(), since.elapsed().as_secs_f64() * 1e3))
+    let encoded = pictures.engine.encoding(frame.size_px, move || encoder(&frame)).await??;
+    Ok((encoded, since.elapsed().as_secs_f64() * 1e3))
 }
 
 async fn pick(
