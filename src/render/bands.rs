@@ -15,11 +15,14 @@ use super::uniform::FrameUniform;
 use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
 
-/// How long a band should take where the processor renders: a picture that is cancelled ends after
-/// one or two of them.
+/// How long a band of a software adapter should take: a picture that is cancelled ends after one or
+/// two of them.
 const LONG_BAND: Duration = Duration::from_millis(16);
 /// The same while several callers share the render thread.
 const SHORT_BAND: Duration = Duration::from_millis(4);
+/// The time between two questions of the processor's own ray caster, whose threads do not wait
+/// for an answer.
+const PROCESSOR_PACE: Duration = Duration::from_millis(1);
 
 /// Rows of pixels that one dispatch makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +61,7 @@ impl Bands {
 
     /// The bands of the processor's own ray caster: one of all rows, which asks at this pace.
     pub(super) fn of_processor() -> Self {
-        Self { duration: Some(LONG_BAND), ..Self::of_pixels(u32::MAX) }
+        Self { duration: Some(PROCESSOR_PACE), ..Self::of_pixels(u32::MAX) }
     }
 
     /// Casts the bands of a region: calls `cast` with the first row of each and its number of rows, and

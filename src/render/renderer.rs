@@ -21,7 +21,7 @@ use relief_volume::{ContentHash, Volume};
 /// Renders requests. Lives on one thread; a volume is prepared on first use.
 pub struct Renderer {
     adapter: AdapterDescription,
-    /// Casts what it can, where there is one.
+    /// Casts the pictures that it can, where there is one.
     processor: Option<Processor>,
     /// Casts everything else. Beside a processor it is opened on first use.
     gpu: Option<GpuRays>,
@@ -94,9 +94,10 @@ impl Renderer {
         }
     }
 
-    /// What decides the bytes of pictures beside the build and the request: renderers of one identity
-    /// make equal pictures. The number of threads and the vector instructions of a processor are not
-    /// part of it; the graphics adapters that it leaves something to are.
+    /// The part of a renderer that decides the bytes of pictures, beside the build and the request:
+    /// renderers of one identity make equal pictures. The number of threads and the vector
+    /// instructions of a processor are not part of it; the graphics adapters that it leaves something
+    /// to are.
     #[must_use]
     pub fn identity(&self) -> String {
         if self.processor.is_none() {
@@ -119,7 +120,7 @@ impl Renderer {
         self.gpu.as_ref().map(GpuRays::gpu)
     }
 
-    /// What volumes may need.
+    /// The limits of volumes.
     #[must_use]
     pub fn volume_limits(&self) -> VolumeLimits {
         self.gpu.as_ref().filter(|_| self.processor.is_none()).map_or(self.limits, GpuRays::volume_limits)
@@ -147,15 +148,15 @@ impl Renderer {
 
     /// Sets the approximate number of pixels of a band, at least a whole row of tiles; a picture
     /// can be cancelled between bands. The bytes do not depend on it. By default, the ray caster on the
-    /// processor asks every 16 ms, bands of software adapters get the size that takes 16 ms, and others
-    /// have 2^22 pixels or fewer where rays are long.
+    /// processor asks every millisecond, bands of software adapters get the size that takes 16 ms, and
+    /// others have 2^22 pixels or fewer where rays are long.
     pub fn set_band_pixels(&mut self, pixels: u32) {
         self.band_pixels = Some(pixels);
         self.apply_bands();
     }
 
-    /// Makes bands short where the processor computes, 4 ms: a picture is cancelled sooner, and
-    /// takes about a fifth longer on a software adapter. The bytes do not depend on it.
+    /// Makes bands of software adapters short, 4 ms: a picture is cancelled sooner, and takes about
+    /// a fifth longer. The bytes do not depend on it.
     pub fn set_short_bands(&mut self, are_short: bool) {
         self.has_short_bands = are_short;
         self.apply_bands();
@@ -165,7 +166,6 @@ impl Renderer {
         let (pixels, are_short) = (self.band_pixels, self.has_short_bands);
         if let Some(processor) = &mut self.processor {
             pixels.into_iter().for_each(|pixels| processor.set_band_pixels(pixels));
-            processor.set_short_bands(are_short);
         }
         if let Some(gpu) = &mut self.gpu {
             pixels.into_iter().for_each(|pixels| gpu.set_band_pixels(pixels));
@@ -342,7 +342,7 @@ impl Renderer {
         }
     }
 
-    /// Frees the data of a volume: what is prepared of its voxels and its appearances.
+    /// Frees the prepared data of a volume and of its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
         if let Some(processor) = &mut self.processor {
             [volume, volume.without_table()].into_iter().for_each(|shown| processor.forget(shown));

@@ -25,7 +25,7 @@ use crate::limits::depth_limits;
 use relief_volume::{ContentHash, Volume};
 
 /// Rows of pixels that a thread takes at a time: a piece.
-const ROWS: u32 = 4;
+const ROWS: u32 = 2;
 
 /// The lanes that cast.
 #[derive(Clone, Copy)]

@@ -146,11 +146,6 @@ impl Processor {
         )
     }
 
-    /// Makes bands short or long: see [`super::Renderer::set_short_bands`].
-    pub(super) fn set_short_bands(&mut self, are_short: bool) {
-        self.bands = self.bands.shortened(are_short);
-    }
-
     /// Sets the size of bands: see [`super::Renderer::set_band_pixels`].
     pub(super) fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);
