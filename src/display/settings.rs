@@ -307,6 +307,16 @@ fn byte<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
     Ok(value as u8)
 }
 
+/// Two whole numbers of pixels, which JSON may also write as `3.0`.
+fn sides_px<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[u32; 2]>, D::Error> {
+    let Some(sides) = Option::<[f64; 2]>::deserialize(deserializer)? else { return Ok(None) };
+    let is_whole = |side: f64| side.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&side);
+    match sides.into_iter().find(|side| !is_whole(*side)) {
+        Some(wrong) => Err(de::Error::custom(format!("{wrong} is no whole number of 0 to {}", u32::MAX))),
+        None => Ok(Some(sides.map(|side| side as u32))),
+    }
+}
+
 /// The object form of a profile: `vz` alone, or all four constants; sizes are optional.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -318,9 +328,9 @@ struct CustomProfile {
     m: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     c: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "sides_px", skip_serializing_if = "Option::is_none")]
     frame_px: Option<[u32; 2]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "sides_px", skip_serializing_if = "Option::is_none")]
     sub_image_px: Option<[u32; 2]>,
 }
 

@@ -23,6 +23,19 @@ fn invalid(json: &str) -> SettingsError {
 }
 
 #[test]
+fn sizes_of_a_profile_may_have_a_point_and_no_fraction() {
+    let profile = |sides: &str| format!(r#"{{"profile": {{"vz": 7.6, "frame_px": {sides}}}}}"#);
+    assert_eq!(parse(&profile("[1920.0, 1080]")), parse(&profile("[1920, 1080]")));
+    for sides in ["[1920.5, 1080]", "[-2, 1080]", "[1920, 4294967296]"] {
+        let (path, refusal) = refused(&profile(sides));
+        assert!(
+            path == "profile.frame_px" && refusal.contains("no whole number of 0 to"),
+            "{path}: {refusal}"
+        );
+    }
+}
+
+#[test]
 fn the_documented_request_is_the_default() {
     let documented = parse(
         r#"{ "profile": "philips-42", "layout": "wowvx", "content": "cgi", "factor": 64, "offset": 128,

@@ -115,6 +115,13 @@ impl<'de> Deserialize<'de> for LabelFile {
                 u16::try_from(label).map(LabelFile::Label).map_err(|_| unexpected())
             }
 
+            // JSON may also write a whole number as `3.0`.
+            fn visit_f64<E: Error>(self, label: f64) -> Result<LabelFile, E> {
+                let is_label = label.fract() == 0.0 && (0.0..=f64::from(u16::MAX)).contains(&label);
+                let unexpected = || E::invalid_value(serde::de::Unexpected::Float(label), &self);
+                is_label.then_some(LabelFile::Label(label as u16)).ok_or_else(unexpected)
+            }
+
             fn visit_str<E: Error>(self, name: &str) -> Result<LabelFile, E> {
                 Ok(LabelFile::Name(name.to_owned()))
             }
@@ -329,4 +336,21 @@ pub(super) fn label_objects(scene: &serde_json::Value) -> impl Iterator<Item = S
 
 fn share(path: &str, value: f64) -> Result<f64, RequestError> {
     if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(RequestError::new(path, &value, "0 to 1")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_label_may_have_a_point_and_no_fraction() {
+        let read = |text: &str| serde_json::from_str::<LabelFile>(text);
+        for (text, label) in [("0", 0), ("7.0", 7), ("65535.0", u16::MAX)] {
+            assert!(matches!(read(text), Ok(LabelFile::Label(found)) if found == label), "{text}");
+        }
+        for text in ["7.5", "-1.0", "65536", "65536.0", "null"] {
+            let refusal = read(text).unwrap_err().to_string();
+            assert!(refusal.contains("a label from 0 to 65535 or a segment's name"), "{text}: {refusal}");
+        }
+    }
 }
