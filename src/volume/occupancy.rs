@@ -28,7 +28,7 @@ pub struct Occupancy {
     cells: CellGrid,
     /// A bit for each band, x fastest.
     bands: Vec<u64>,
-    /// Framings that were asked for, the latest last.
+    /// The latest framings; the last one was used last.
     framings: Mutex<Vec<KeptFraming>>,
 }
 
@@ -86,8 +86,8 @@ impl Occupancy {
     }
 
     /// The framing of [`Occupancy::cells`] without specks, see [`Cells::without_specks`], on the grid of
-    /// the volume; `None` where nothing is visible. The latest framings are kept: a server computes
-    /// one for every picture whose request has no camera.
+    /// the volume; `None` where nothing is visible. The latest framings are kept: a server needs one
+    /// for every picture whose request has no camera.
     #[must_use]
     pub fn framing(
         &self,
