@@ -9,6 +9,7 @@ import os
 import pathlib
 import re
 import socket
+import struct
 import subprocess
 import tempfile
 import threading
@@ -259,6 +260,39 @@ class Viewers(Series):
         viewer.change({"transfer": {"points": points}})
         self.assertIsNone(viewer.preset)
         self.assertTrue((viewer.render(adapter="cpu").color == expected({"transfer": {"points": points}}, None)).all())
+
+    def test_a_frame_that_the_browser_lost_is_sent_again(self):
+        viewer = self.viewer()
+        sent = []
+        viewer.send = lambda content, buffers=None: sent.append((content["type"], struct.unpack_from("<I", buffers[0], 12)[0]))
+
+        def heard(frame):
+            viewer._heard(viewer, {"type": "ack", "frame": frame, "t_ns": time.monotonic_ns()}, [])
+
+        def settle():
+            for _ in range(100):
+                before = len(sent)
+                time.sleep(1.5)
+                if sent and len(sent) == before:
+                    return
+            self.fail("the frames do not end")
+
+        settle()
+        kinds, numbers = {kind for kind, _ in sent}, [number for _, number in sent]
+        self.assertEqual(kinds, {"frame"})
+        self.assertEqual(numbers[-3:], [numbers[-1]] * 3, "a frame without an acknowledgement is sent again, three times")
+        sent.clear()
+        heard(numbers[-1])
+        viewer.look(azimuth_deg=30)
+        settle()
+        self.assertGreater(sent[-1][1], numbers[-1], "an acknowledgement lets the next frames come")
+        heard(sent[-1][1])
+        settle()
+        last = sent[-1][1]
+        heard(last)
+        sent.clear()
+        time.sleep(2)
+        self.assertEqual(sent, [], "an acknowledged frame is not sent again")
 
     def test_invalid_settings_are_errors(self):
         for options, text in [({"preset": "bonne"}, "bonne"), ({"scene": {"mood": 1}}, "mood")]:

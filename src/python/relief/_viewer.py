@@ -31,9 +31,13 @@ _FOLDER = pathlib.Path(__file__).parent
 _RELAYED = ("intent", "ack")
 #: The camera in the header of a frame: its first byte and its 11 numbers.
 _CAMERA_AT, _CAMERA = 80, struct.Struct("<11f")
+#: The sequence number in the header of a frame.
+_SEQUENCE_AT, _SEQUENCE = 12, struct.Struct("<I")
 #: The keys of `shading` that a preset replaces.
 _REFLECTION = ("ambient", "diffuse", "specular", "shininess")
 _WAIT_S = 0.5
+#: How often a frame is sent again that no browser acknowledges: Jupyter may lose a message.
+_MOST_REPEATS = 3
 _OPENING_S = 30.0
 
 
@@ -85,6 +89,7 @@ class Viewer(anywidget.AnyWidget):
         self._lock = threading.Lock()
         self._seq = 0
         self._frame: Optional[bytes] = None
+        self._acknowledged: Optional[int] = None
         self._session = _native.LiveSession(volume._native, adapter)
         settings: dict[str, Any] = {"scene": dict(scene or {}), "display": {"layout": "color"}}
         if preset is not None:
@@ -157,12 +162,12 @@ class Viewer(anywidget.AnyWidget):
         self._session.send(json.dumps(message))
 
     def _command(self, message: Mapping[str, Any]) -> None:
-        """Sends a command with its number and time."""
-        if message["type"] == "intent":
-            with self._lock:
+        """Sends a command with its number and time, in the order of the numbers."""
+        with self._lock:
+            if message["type"] == "intent":
                 self._seq += 1
                 message = {**message, "seq": self._seq, "t_ns": time.monotonic_ns()}
-        self._tell(message)
+            self._tell(message)
 
     def _choose_preset(self, change: Any) -> None:
         if change["new"] is not None:
@@ -177,6 +182,8 @@ class Viewer(anywidget.AnyWidget):
         """Relays a command of the browser. A browser that begins to show the widget gets the newest frame."""
         kind = content.get("type") if isinstance(content, dict) else None
         if kind in _RELAYED:
+            if kind == "ack":
+                self._acknowledged = content.get("frame")
             self._command(content)
         elif kind == "preset":
             self.preset = content["name"]
@@ -184,16 +191,24 @@ class Viewer(anywidget.AnyWidget):
             self.send({"type": "frame"}, [self._frame])
 
     def _receive(self) -> None:
+        repeats = 0
         while True:
             try:
                 message = self._session.receive(_WAIT_S)
             except ReliefError:
                 return  # closed
             if isinstance(message, bytes):
-                self._frame = message
+                self._frame, repeats = message, 0
                 self.send({"type": "frame"}, [message])
             elif message is not None:
                 self._learn(json.loads(message))
+            elif self._frame is not None and repeats < _MOST_REPEATS and not self._is_shown(self._frame):
+                repeats += 1
+                self.send({"type": "frame"}, [self._frame])
+
+    def _is_shown(self, frame: bytes) -> bool:
+        """Whether the newest acknowledgement is that of this frame."""
+        return bool(_SEQUENCE.unpack_from(frame, _SEQUENCE_AT)[0] == self._acknowledged)
 
     def _learn(self, message: Mapping[str, Any]) -> None:
         state = message.get("state")

@@ -5,7 +5,7 @@
 const HEADER_BYTES = 128;
 const DEGREES_A_PIXEL = 0.4;
 const CLICK_PIXELS = 4;
-/** When an acknowledgement is sent again, and how often, if no other frame arrives. */
+/** When a message is sent again that had no effect, and how often: Jupyter may lose a message. */
 const REPEAT_MS = 500;
 const MOST_REPEATS = 3;
 const KEYS = {
@@ -108,7 +108,13 @@ function presetMenu(model, follow) {
   const options = model.get("_presets").map((name) => element("option", { value: name, textContent: name }));
   const menu = element("select", {}, element("option", { value: "", textContent: "automatic", hidden: true }), ...options);
   // A message, not a change of the model: Jupyter holds such changes back until it has heard of the last one.
-  menu.addEventListener("change", () => model.send({ type: "preset", name: menu.value }));
+  let repeat = null;
+  const choose = (repeats = MOST_REPEATS) => {
+    clearTimeout(repeat);
+    model.send({ type: "preset", name: menu.value });
+    if (repeats > 0) repeat = setTimeout(() => { if (model.get("preset") !== menu.value) choose(repeats - 1); }, REPEAT_MS);
+  };
+  menu.addEventListener("change", () => choose());
   follow("change:preset", () => { menu.value = model.get("preset") ?? ""; });
   return element("label", {}, "Preset ", menu);
 }
