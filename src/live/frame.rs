@@ -14,7 +14,7 @@ use relief_display::{
     LayoutError, LensPanel, MAX_FRAME_SIDE_PX, ProfileError, Synthesize,
 };
 
-/// Most pixels of a picture that is received: memory of a client.
+/// Most pixels of a picture that is received, as sent and enlarged: memory of a client.
 pub const MAX_PIXELS: usize = 1 << 24;
 
 /// Colour of a picture, written once and shared by all clients that take this format.
@@ -168,10 +168,11 @@ impl ReceivedFrame {
     /// at most [`MAX_PIXELS`].
     pub fn decode(frame: &[u8]) -> Result<Self, ReceiveError> {
         let Parts { header, color, depth } = Parts::of(frame)?;
-        let pixels = header.pixels();
-        if pixels > MAX_PIXELS {
-            let (found, allowed) = (pixels as u64, "at most 16777216 pixels");
-            return Err(FrameError::Field { field: "size_px", found, allowed }.into());
+        for (field, pixels) in [("size_px", header.pixels()), ("full_px", header.full_pixels())] {
+            if pixels > MAX_PIXELS {
+                let (found, allowed) = (pixels as u64, "at most 16777216 pixels");
+                return Err(FrameError::Field { field, found, allowed }.into());
+            }
         }
         let size = [usize::from(header.size_px[0]), header.rows()];
         let color = codec::decode_color(size, color, header.color)?;

@@ -198,6 +198,12 @@ impl FrameHeader {
         usize::from(self.size_px[0]) * self.rows()
     }
 
+    /// Pixels of the pictures in full size, background layer included.
+    #[must_use]
+    pub fn full_pixels(&self) -> usize {
+        usize::from(self.full_px[0]) * usize::from(self.full_px[1]) * if self.back_layer { 2 } else { 1 }
+    }
+
     /// Bytes of the frame, header included.
     #[must_use]
     pub fn frame_bytes(&self) -> u64 {

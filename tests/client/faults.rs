@@ -220,6 +220,18 @@ proptest! {
         }
     }
 
+    /// A small picture that claims to stand for one of more than 16,777,216 pixels.
+    #[test]
+    fn claimed_full_sizes_are_refused(width in 4097u16..=16384, height in 4097u16..=16384) {
+        let small = header(1);
+        let mut bytes = frame(&small);
+        let claimed = FrameHeader { full_px: [width, height], ..FrameHeader::decode(&bytes).unwrap() };
+        bytes[..HEADER_BYTES].copy_from_slice(&claimed.encode());
+        let received = Received { connection: 1, at_ns: 1, header: claimed, bytes: bytes.into() };
+        let refused = composer().compose(&received).unwrap_err().to_string();
+        prop_assert!(refused.contains("full_px") && refused.contains("16777216"), "{}", refused);
+    }
+
     /// Any text is a session or none.
     #[test]
     fn any_file_is_a_session_or_an_error(text in "(\\{\"relief_session\":1,\"hello\":\\{\"type\":\"hello\"\\}\\}\n)?[ -~\n]{0,300}") {

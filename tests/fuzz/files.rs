@@ -4,12 +4,26 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use relief_base::Budget;
-use relief_dicom::{FormatLimits, LoadLimits, Strictness};
+use relief_dicom::{
+    COMMITMENT_TRANSFER_SYNTAXES, CommitmentRequest, CommitmentResult, FormatLimits, LoadLimits, Strictness,
+    read_commitment_request, write_commitment_result,
+};
 use relief_session::load_labels;
 use relief_volume::Grid;
 
 /// Voxels that a file may have here: few, so that an execution is short.
 const MOST_VOXELS: u64 = 1 << 20;
+
+/// A request for storage commitment: one that is read comes back from the answer that commits to all of it.
+pub fn commitment(bytes: &[u8]) {
+    for syntax in COMMITMENT_TRANSFER_SYNTAXES {
+        let Ok(request) = read_commitment_request(syntax, bytes) else { continue };
+        let CommitmentRequest { transaction, objects } = request.clone();
+        let answer = CommitmentResult { transaction, committed: objects, missing: Vec::new() };
+        let answer = write_commitment_result(syntax, &answer).expect("a known transfer syntax");
+        assert!(read_commitment_request(syntax, &answer).is_ok_and(|again| again == request));
+    }
+}
 
 /// A file in memory with these bytes; one for each process.
 fn file(name: &str, bytes: &[u8]) -> PathBuf {

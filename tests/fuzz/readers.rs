@@ -18,9 +18,10 @@ use libfuzzer_sys::fuzz_target;
 type Reader = (&'static str, fn(&[u8]));
 
 /// All readers.
-const READERS: [Reader; 30] = [
+const READERS: [Reader; 32] = [
     ("dicom", files::dicom),
     ("zip", files::zip),
+    ("commitment", files::commitment),
     ("nifti", files::nifti),
     ("nrrd", files::nrrd),
     ("labels", files::labels),
@@ -45,6 +46,7 @@ const READERS: [Reader; 30] = [
     ("transfer", pictures::transfer),
     ("scene", pictures::scene),
     ("frame", messages::frame),
+    ("views", messages::views),
     ("message", messages::message),
     ("intent", messages::intent),
     ("reports", reports::reports),
