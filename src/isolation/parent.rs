@@ -23,7 +23,7 @@ use relief_annotation::ContentId;
 use relief_base::{Budget, BudgetError};
 use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::{LoadedVolume, PlacedLabels, most_label_voxels};
-use relief_volume::{Grid, LabelMap, Segment, Volume};
+use relief_volume::{ContentHasher, Grid, LabelMap, Segment, Volume};
 
 /// The subcommand that is the child.
 const SUBCOMMAND: &str = "decode-worker";
@@ -162,9 +162,9 @@ impl IsolatedReader {
         if (grid.voxel_count() as u64).saturating_mul(2) > voxel_bytes {
             return Err(IsolationError::Invalid);
         }
-        let voxels = running.values::<i16>(grid.voxel_count())?;
-        let volume = Volume::new(grid, voxels).map_err(|_| IsolationError::Invalid)?;
-        let _ = volume.content_hash(); // not when the first request waits
+        let mut hasher = ContentHasher::new(&grid);
+        let voxels = running.values(grid.voxel_count(), |part| hasher.update(part))?;
+        let volume = Volume::hashed(grid, voxels, hasher).map_err(|_| IsolationError::Invalid)?;
         let reference = reference.map(Arc::new);
         let loaded = LoadedVolume { volume, warnings, identity, reference, labels: None };
         Ok((loaded, messages))
@@ -184,7 +184,7 @@ impl IsolatedReader {
         if Grid::try_from(&found).ok().as_ref() != Some(grid) {
             return Err(IsolationError::Invalid);
         }
-        let labels = running.values::<u16>(grid.voxel_count())?;
+        let labels = running.values::<u16>(grid.voxel_count(), |_| ())?;
         let segments = segments.into_iter().map(Segment::from).collect();
         let map = LabelMap::new(grid.clone(), &labels, segments).map_err(|_| IsolationError::Invalid)?;
         let _ = map.content_hash(); // not when the first request waits
@@ -222,7 +222,7 @@ impl IsolatedReader {
         let mut contents = Vec::new();
         for content in described {
             left = left.checked_sub(content.bytes).ok_or(IsolationError::Invalid)?;
-            let bytes = running.values::<u8>(content.bytes as usize)?;
+            let bytes = running.values::<u8>(content.bytes as usize, |_| ())?;
             contents.push((ContentId::of(&bytes), content.media_type, bytes));
         }
         Ok(Imported { items, contents, warnings })
@@ -302,9 +302,13 @@ impl Running {
         receive(&mut Patient(self)).map_err(|error| self.failure(&error))
     }
 
-    fn values<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, IsolationError> {
+    fn values<T: bytemuck::Pod + Send + Sync>(
+        &mut self,
+        count: usize,
+        seen: impl FnMut(&[T]) + Send,
+    ) -> Result<Vec<T>, IsolationError> {
         let windows = Arc::clone(&self.windows);
-        windows.receive(&mut Patient(self), count).map_err(|error| self.failure(&error))
+        windows.receive(&mut Patient(self), count, seen).map_err(|error| self.failure(&error))
     }
 
     /// Why nothing more comes.

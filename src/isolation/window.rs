@@ -2,20 +2,22 @@
 //!
 //! A socket passes some 200 KiB at a time and wakes the other side for each; a window passes 8 MiB.
 //! The socket says which window is full, and which is free again. Neither side takes memory by an
-//! announced size: a vector grows as windows arrive.
+//! announced size: the system gives pages of a vector as windows arrive.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::FileExt;
 
+use rayon::prelude::*;
+
 /// Bytes of a window.
 const WINDOW: usize = 8 << 20;
 /// Bytes of the file: two windows, so that one is written while the other one is read.
 pub(crate) const FILE_BYTES: u64 = 2 * WINDOW as u64;
 
-/// Bytes that are copied at a time: few enough to stay in the cache of a core.
-const CHUNK: usize = 256 << 10;
+/// Bytes that a thread copies at a time.
+const CHUNK: usize = 1 << 20;
 
 /// The windows of one child.
 #[derive(Debug)]
@@ -58,33 +60,37 @@ impl Windows {
     }
 
     /// Receives values. `count` is within the limits of the caller: the whole range of addresses is
-    /// reserved, and its pages are taken as windows arrive.
+    /// reserved, and its pages are taken as windows arrive. Several threads take them, because the
+    /// system's clearing of pages takes longer than the copy.
+    ///
+    /// `seen` gets the values of each window, while the next one is copied.
     ///
     /// # Errors
     /// When the child ends before, or there is no such range of addresses.
-    pub(crate) fn receive<T: bytemuck::Pod>(
+    pub(crate) fn receive<T: bytemuck::Pod + Send + Sync>(
         &self,
         socket: &mut (impl Read + Write),
         count: usize,
+        mut seen: impl FnMut(&[T]) + Send,
     ) -> Result<Vec<T>> {
-        let mut values: Vec<T> = Vec::new();
-        values.try_reserve_exact(count).map_err(|_| Error::from(ErrorKind::OutOfMemory))?;
-        let mut number = 0;
-        while values.len() < count {
+        let values = bytemuck::allocation::try_zeroed_vec::<T>(count);
+        let mut values = values.map_err(|()| Error::from(ErrorKind::OutOfMemory))?;
+        let mut last: &[T] = &[];
+        for (number, window) in values.chunks_mut(WINDOW / size_of::<T>()).enumerate() {
             one(socket)?;
-            let end = count.min(values.len() + WINDOW / size_of::<T>());
-            let mut at = offset(number);
-            while values.len() < end {
-                let before = values.len();
-                values.resize(end.min(before + CHUNK / size_of::<T>()), T::zeroed());
-                let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut values[before..]);
-                self.0.read_exact_at(bytes, at)?;
-                at += bytes.len() as u64;
-            }
+            let copy = || self.copy(number, bytemuck::cast_slice_mut(window));
+            rayon::join(copy, || seen(last)).0?;
             socket.write_all(&[1])?;
-            number += 1;
+            last = window;
         }
+        seen(last);
         Ok(values)
+    }
+
+    /// Copies the bytes of a window.
+    fn copy(&self, number: usize, window: &mut [u8]) -> Result<()> {
+        let chunks = window.par_chunks_mut(CHUNK).enumerate();
+        chunks.try_for_each(|(at, bytes)| self.0.read_exact_at(bytes, offset(number) + (at * CHUNK) as u64))
     }
 }
 
@@ -118,7 +124,9 @@ mod tests {
         let sending = move || counts.map(|count| childs.send(&mut there, &values(count)).unwrap());
         let child = child.spawn(sending).unwrap();
         for count in counts {
-            assert!(parents.receive::<i16>(&mut here, count).unwrap() == values(count), "{count}");
+            let mut seen = Vec::new();
+            let received = parents.receive(&mut here, count, |part: &[i16]| seen.extend_from_slice(part));
+            assert!(received.unwrap() == values(count) && seen == values(count), "{count}");
         }
         child.join().unwrap();
     }
@@ -126,11 +134,11 @@ mod tests {
     #[test]
     fn an_announced_size_allocates_nothing_and_a_file_cut_short_is_an_error() {
         let ((parents, mut here), (childs, mut there)) = ends();
-        assert!(parents.receive::<i16>(&mut here, usize::MAX).is_err());
+        assert!(parents.receive::<i16>(&mut here, usize::MAX, |_| ()).is_err());
         childs.0.set_len(10).unwrap();
         there.write_all(&[1]).unwrap();
-        assert!(parents.receive::<i16>(&mut here, 100).is_err(), "the window holds less");
+        assert!(parents.receive::<i16>(&mut here, 100, |_| ()).is_err(), "the window holds less");
         drop(there);
-        assert!(parents.receive::<i16>(&mut here, 1).is_err(), "the child ended");
+        assert!(parents.receive::<i16>(&mut here, 1, |_| ()).is_err(), "the child ended");
     }
 }

@@ -10,6 +10,7 @@ mod anatomy;
 mod bricks;
 mod camera;
 mod cells;
+mod content_hash;
 mod grid;
 mod labels;
 mod mask;
@@ -22,10 +23,9 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use sha2::{Digest, Sha256};
-
 pub use anatomy::{Anatomy, BodyPart};
 pub use bricks::{BrickRanges, DistanceMap};
+pub use content_hash::{ContentHash, ContentHasher, stack_sha256};
 pub use grid::{Bounds, Grid, GridError};
 pub use labels::{BrickLabels, LabelCountError, LabelMap, Layers, LayersError, Segment, SegmentIndices};
 pub use mask::Mask;
@@ -85,37 +85,6 @@ impl std::fmt::Debug for Volume {
     }
 }
 
-/// SHA-256 of a volume's dimensions, placement and voxels: its identity everywhere (uploads, HTTP
-/// ids, caches).
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub struct ContentHash(pub [u8; 32]);
-
-impl ContentHash {
-    /// The identity of a volume without its table.
-    #[must_use]
-    pub fn without_table(&self) -> Self {
-        Self(Sha256::new().chain_update(self.0).chain_update("without table").finalize().into())
-    }
-
-    /// The identity of the coarse form of a volume.
-    #[must_use]
-    pub fn coarse(&self) -> Self {
-        Self(Sha256::new().chain_update(self.0).chain_update("coarse").finalize().into())
-    }
-
-    /// The first 16 hexadecimal digits: what ids show.
-    #[must_use]
-    pub fn short(&self) -> String {
-        data_encoding::HEXLOWER.encode(&self.0[..8])
-    }
-}
-
-impl std::fmt::Debug for ContentHash {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "ContentHash({}…)", self.short())
-    }
-}
-
 /// The voxel count did not match the grid.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("a grid of {dims:?} voxels needs {expected} values, found {found}")]
@@ -138,6 +107,17 @@ impl Volume {
         let range_hu =
             voxels_hu.iter().fold((i16::MAX, i16::MIN), |(low, high), &v| (low.min(v), high.max(v)));
         Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, derived: Arc::default() })
+    }
+
+    /// As [`Self::new`], with the content hash of a hasher of the same grid that has had exactly
+    /// these voxels.
+    ///
+    /// # Errors
+    /// When the number of values is not the product of the grid's dimensions.
+    pub fn hashed(grid: Grid, voxels_hu: Vec<i16>, hasher: ContentHasher) -> Result<Self, VoxelCountError> {
+        let volume = Self::new(grid, voxels_hu)?;
+        let _ = volume.derived.hash.set(hasher.finish());
+        Ok(volume)
     }
 
     /// Where the voxels lie.
@@ -172,16 +152,9 @@ impl Volume {
     #[must_use]
     pub fn content_hash(&self) -> ContentHash {
         *self.derived.hash.get_or_init(|| {
-            let mut hasher = Sha256::new();
-            for n in self.grid.dims() {
-                hasher.update((n as u64).to_le_bytes());
-            }
-            let patient_from_voxel = self.grid.patient_from_voxel().affine;
-            for column in patient_from_voxel.to_cols_array() {
-                hasher.update(column.to_le_bytes());
-            }
-            update_with_voxels(&mut hasher, &self.voxels_hu);
-            ContentHash(hasher.finalize().into())
+            let mut hasher = ContentHasher::new(&self.grid);
+            hasher.update(&self.voxels_hu);
+            hasher.finish()
         })
     }
 
@@ -260,22 +233,6 @@ impl Volume {
         });
         let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         Self { grid, voxels_hu: Arc::new(voxels), range_hu, derived: Arc::default() }
-    }
-}
-
-/// SHA-256 of the voxels, as little-endian 16-bit values in their order, without the geometry.
-/// Equal stacks have equal hashes, wherever they lie.
-pub fn stack_sha256(voxels_hu: &[i16]) -> [u8; 32] {
-    let mut hasher = Sha256::new();
-    update_with_voxels(&mut hasher, voxels_hu);
-    hasher.finalize().into()
-}
-
-fn update_with_voxels(hasher: &mut Sha256, voxels_hu: &[i16]) {
-    if cfg!(target_endian = "little") {
-        hasher.update(bytemuck::cast_slice::<i16, u8>(voxels_hu));
-    } else {
-        voxels_hu.iter().for_each(|hu| hasher.update(hu.to_le_bytes()));
     }
 }
 
