@@ -25,24 +25,29 @@ pub fn commitment(bytes: &[u8]) {
     }
 }
 
-/// A file in memory with these bytes; one for each process.
+/// A file with these bytes, in memory or below RELIEF_FUZZ_FOLDER; one for each process.
 fn file(name: &str, bytes: &[u8]) -> PathBuf {
     static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
-        let folder = PathBuf::from(format!("/dev/shm/relief-fuzz-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).expect("a folder in memory");
+        let above = std::env::var_os("RELIEF_FUZZ_FOLDER").unwrap_or_else(|| "/dev/shm".into());
+        let folder = PathBuf::from(above).join(format!("relief-fuzz-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder for files");
         folder
     });
     let path = FOLDER.join(name);
-    std::fs::write(&path, bytes).expect("a file in memory");
+    std::fs::write(&path, bytes).expect("a file");
     path
 }
 
 fn series(path: &Path) {
     let budget = Budget::new(64 << 20, 256 << 20);
-    let Ok(found) = relief_dicom::discover_within(&budget, path, Strictness::Lenient, &|_| ()) else { return };
+    let Ok(found) = relief_dicom::discover_within(&budget, path, Strictness::Lenient, &|_| ()) else {
+        return;
+    };
     for entry in &found.series {
         let limits = LoadLimits { voxel_bytes: 2 * MOST_VOXELS };
-        let Ok(loaded) = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()) else { continue };
+        let Ok(loaded) = relief_dicom::load_within(limits, entry, Strictness::Lenient, &|_| ()) else {
+            continue;
+        };
         let volume = loaded.volume;
         assert_eq!(volume.voxels_hu().len(), volume.grid().voxel_count());
         assert!(volume.grid().spacing_mm().iter().all(|mm| mm.is_finite() && *mm > 0.0));

@@ -2,9 +2,9 @@
 
 use relief_display::{DisplayProfile, LensPanel, ProcessorViews, ProfileName};
 use relief_live::{
-    ClientMessage, ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, HEADER_BYTES, Intent, LiveLayout,
-    Parts, ReceivedFrame, ServerMessage, ViewsOutput, assemble, decode_color, decode_d8, decode_z16, encode_color,
-    encode_d8,
+    ClientMessage, ColorFormat, DepthFormat, EncodedColor, EncodedDepth, FrameHeader, HEADER_BYTES, Intent,
+    LiveLayout, Parts, ReceivedFrame, ServerMessage, ViewsOutput, assemble, decode_color, decode_d8,
+    decode_z16, encode_color, encode_d8,
 };
 
 /// A header that is read is written the same; a frame that is read composes or says why not.
@@ -29,24 +29,35 @@ pub fn frame(bytes: &[u8]) {
 /// The frame that a display gets of a received one, by every layout: a frame whose header is intact, of pictures of these
 /// bytes, or of what else a server packs.
 pub fn views(bytes: &[u8]) {
-    let Some((&[flags, width, rows, wider, higher, layout, span, eyes, rest @ ..], packed)) = bytes.split_first_chunk::<16>()
+    let Some((&[flags, width, rows, wider, higher, layout, span, eyes, rest @ ..], packed)) =
+        bytes.split_first_chunk::<16>()
     else {
         return;
     };
     let sides = [width, rows].map(|side| u16::from(side % 24 + 1));
-    let header = header(flags, sides, [sides[0] + u16::from(wider % 48), sides[1] + u16::from(higher % 48)], &rest);
+    let header =
+        header(flags, sides, [sides[0] + u16::from(wider % 48), sides[1] + u16::from(higher % 48)], &rest);
     let (color, depth) = if flags & 1 == 0 { pictures(&header, packed) } else { unchecked(flags, packed) };
     let Ok(frame) = ReceivedFrame::decode(&assemble(&header, &color, &depth)) else { return };
     let curve = DisplayProfile::named(ProfileName::ALL[usize::from(flags >> 4) % ProfileName::ALL.len()]);
     let _ = frame.compose(&curve);
-    let Some(LiveLayout::Of(layout)) = LiveLayout::all().nth(usize::from(layout) % LiveLayout::all().count()) else { return };
+    let Some(LiveLayout::Of(layout)) = LiveLayout::all().nth(usize::from(layout) % LiveLayout::all().count())
+    else {
+        return;
+    };
     let output = ViewsOutput {
         layout,
-        panel: LensPanel { pitch_px: 1.0 + f64::from(rest[6]) / 8.0, slant: f64::from(rest[7] as i8) / 64.0, ..LensPanel::default() },
+        panel: LensPanel {
+            pitch_px: 1.0 + f64::from(rest[6]) / 8.0,
+            slant: f64::from(rest[7] as i8) / 64.0,
+            ..LensPanel::default()
+        },
         view_span: (span != 0).then(|| f64::from(span) / 32.0),
         tracked_eyes: (eyes != 0).then(|| [-f64::from(eyes), f64::from(eyes)].map(|eye| eye / 64.0)),
     };
-    let composed = frame.layers(&curve, layout).and_then(|layers| layers.compose_views(&curve, &output, &ProcessorViews));
+    let composed = frame
+        .layers(&curve, layout)
+        .and_then(|layers| layers.compose_views(&curve, &output, &ProcessorViews));
     if let Ok(composed) = composed {
         let [width, height] = composed.size_px();
         assert!(width >= header.full_px[0].into() && height >= header.full_px[1].into(), "{layout:?}");
@@ -85,7 +96,8 @@ fn pictures(header: &FrameHeader, bytes: &[u8]) -> (EncodedColor, EncodedDepth) 
     let size = [usize::from(header.size_px[0]), header.rows()];
     let mut endless = bytes.iter().copied().chain(std::iter::repeat(0));
     let disparity: Vec<u8> = endless.by_ref().take(size[0] * size[1]).collect();
-    let color: Vec<[u8; 4]> = (0..size[0] * size[1]).map(|_| [(); 4].map(|()| endless.next().unwrap_or(0))).collect();
+    let color: Vec<[u8; 4]> =
+        (0..size[0] * size[1]).map(|_| [(); 4].map(|()| endless.next().unwrap_or(0))).collect();
     (
         EncodedColor {
             format: header.color,

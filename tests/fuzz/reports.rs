@@ -1,6 +1,9 @@
 //! Whatever bytes come from a remote, a recording, a camera file, a beacon or a network client.
 
-use relief_tracking::{Calibrations, MotionPlus, Output, RecordingReader, MAX_REPORT_BYTES, InputReport, Pinhole, TrackerOptions, Tracker, Beacon, VrpnError, VrpnEvent, VrpnReader, VrpnWriter};
+use relief_tracking::{
+    Beacon, Calibrations, InputReport, MAX_REPORT_BYTES, MotionPlus, Output, Pinhole, RecordingReader,
+    Tracker, TrackerOptions, VrpnError, VrpnEvent, VrpnReader, VrpnWriter,
+};
 
 /// A recording, a camera file, a beacon, and messages of trackers.
 pub fn recording(bytes: &[u8]) {

@@ -6,6 +6,7 @@
 
 #[cfg(target_os = "linux")]
 mod isolation;
+mod mutated;
 
 use std::path::Path;
 use std::process::Command;
