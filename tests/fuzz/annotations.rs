@@ -27,7 +27,7 @@ fn read(format: Format, bytes: &[u8]) {
 /// One function for each format.
 macro_rules! formats {
     ($($name:ident = $format:ident),* $(,)?) => {$(
-        pub fn $name(bytes: &[u8]) {
+        pub(crate) fn $name(bytes: &[u8]) {
             read(Format::$format, bytes);
         }
     )*};
@@ -51,7 +51,7 @@ formats! {
     glb = Glb,
 }
 
-pub fn template(bytes: &[u8]) {
+pub(crate) fn template(bytes: &[u8]) {
     if let Ok(template) = Template::read(bytes) {
         let json = template.json();
         let again = Template::read(json.as_bytes()).expect("a template comes back");

@@ -15,7 +15,7 @@ use relief_volume::Grid;
 const MOST_VOXELS: u64 = 1 << 20;
 
 /// A request for storage commitment: one that is read comes back from the answer that commits to all of it.
-pub fn commitment(bytes: &[u8]) {
+pub(crate) fn commitment(bytes: &[u8]) {
     for syntax in COMMITMENT_TRANSFER_SYNTAXES {
         let Ok(request) = read_commitment_request(syntax, bytes) else { continue };
         let CommitmentRequest { transaction, objects } = request.clone();
@@ -54,11 +54,11 @@ fn series(path: &Path) {
     }
 }
 
-pub fn dicom(bytes: &[u8]) {
+pub(crate) fn dicom(bytes: &[u8]) {
     series(&file("a.dcm", bytes));
 }
 
-pub fn zip(bytes: &[u8]) {
+pub(crate) fn zip(bytes: &[u8]) {
     series(&file("a.zip", bytes));
 }
 
@@ -68,15 +68,15 @@ fn volume(path: &Path) {
     }
 }
 
-pub fn nifti(bytes: &[u8]) {
+pub(crate) fn nifti(bytes: &[u8]) {
     volume(&file("a.nii.gz", bytes));
 }
 
-pub fn nrrd(bytes: &[u8]) {
+pub(crate) fn nrrd(bytes: &[u8]) {
     volume(&file("a.nrrd", bytes));
 }
 
-pub fn labels(bytes: &[u8]) {
+pub(crate) fn labels(bytes: &[u8]) {
     let grid = Grid::axis_aligned([8, 8, 8], [10.0; 3], [-40.0; 3]).expect("a grid");
     if let Ok(placed) = load_labels(&file("a.seg", bytes), MOST_VOXELS, &grid) {
         assert_eq!(placed.map.grid(), &grid);

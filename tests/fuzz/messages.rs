@@ -8,7 +8,7 @@ use relief_live::{
 };
 
 /// A header that is read is written the same; a frame that is read composes or says why not.
-pub fn frame(bytes: &[u8]) {
+pub(crate) fn frame(bytes: &[u8]) {
     if let Ok(header) = FrameHeader::decode(bytes) {
         assert_eq!(header.encode()[..], bytes[..HEADER_BYTES]);
     }
@@ -28,7 +28,7 @@ pub fn frame(bytes: &[u8]) {
 
 /// The frame that a display gets of a received one, by every layout: a frame whose header is intact, of pictures of these
 /// bytes, or of what else a server packs.
-pub fn views(bytes: &[u8]) {
+pub(crate) fn views(bytes: &[u8]) {
     let Some((&[flags, width, rows, wider, higher, layout, span, eyes, rest @ ..], packed)) =
         bytes.split_first_chunk::<16>()
     else {
@@ -121,7 +121,7 @@ fn unchecked(flags: u8, bytes: &[u8]) -> (EncodedColor, EncodedDepth) {
 }
 
 /// A message that is read is written as one that can be read.
-pub fn message(bytes: &[u8]) {
+pub(crate) fn message(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(message) = ClientMessage::parse(text) {
         assert!(ClientMessage::parse(&message.to_text()).is_ok());
@@ -129,6 +129,6 @@ pub fn message(bytes: &[u8]) {
     let _ = ServerMessage::parse(text);
 }
 
-pub fn intent(bytes: &[u8]) {
+pub(crate) fn intent(bytes: &[u8]) {
     let _ = Intent::from_json(bytes);
 }

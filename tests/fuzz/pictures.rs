@@ -4,18 +4,18 @@ use relief_display::{decode_exr, inspect_png};
 use relief_render::SceneFile;
 use relief_volume::{TransferImportChoice, import_transfer};
 
-pub fn png(bytes: &[u8]) {
+pub(crate) fn png(bytes: &[u8]) {
     let _ = inspect_png(bytes);
 }
 
-pub fn exr(bytes: &[u8]) {
+pub(crate) fn exr(bytes: &[u8]) {
     let _ = decode_exr(bytes);
 }
 
-pub fn transfer(bytes: &[u8]) {
+pub(crate) fn transfer(bytes: &[u8]) {
     let _ = import_transfer(bytes, &TransferImportChoice::default());
 }
 
-pub fn scene(bytes: &[u8]) {
+pub(crate) fn scene(bytes: &[u8]) {
     let _ = SceneFile::parse(bytes);
 }

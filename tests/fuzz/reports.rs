@@ -6,7 +6,7 @@ use relief_tracking::{
 };
 
 /// A recording, a camera file, a beacon, and messages of trackers.
-pub fn recording(bytes: &[u8]) {
+pub(crate) fn recording(bytes: &[u8]) {
     let _ = Calibrations::decode(bytes);
     let _ = MotionPlus::decode(bytes);
     let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
@@ -25,7 +25,7 @@ pub fn recording(bytes: &[u8]) {
 
 /// Checks that decoded reports come back the same when they are encoded and decoded; and that a
 /// tracker never gives a pose that is not finite.
-pub fn reports(bytes: &[u8]) {
+pub(crate) fn reports(bytes: &[u8]) {
     let mut tracker = Tracker::new(Pinhole::TYPICAL, Beacon::recommended(), TrackerOptions::default());
     for (at, chunk) in bytes.chunks(MAX_REPORT_BYTES).enumerate() {
         if let Ok((output, rumble)) = Output::decode(chunk) {

@@ -16,10 +16,10 @@ mod pictures;
 mod reports;
 
 /// Name of a reader, and its function on bytes.
-pub type Reader = (&'static str, fn(&[u8]));
+pub(crate) type Reader = (&'static str, fn(&[u8]));
 
 /// All readers.
-pub const READERS: [Reader; 32] = [
+pub(crate) const READERS: [Reader; 32] = [
     ("dicom", files::dicom),
     ("zip", files::zip),
     ("commitment", files::commitment),
