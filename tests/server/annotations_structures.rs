@@ -1,7 +1,9 @@
 //! Regions and meshes over HTTP: grown, painted, filled, made into a mesh, drawn, and refused.
 
-use axum::http::Method;
+use axum::body::Body;
+use axum::http::{Method, Request};
 use relief_render::OverlayItem;
+use relief_server::Config;
 use serde_json::{Value, json};
 
 use crate::server::stage::{Answer, Stage};
@@ -15,6 +17,40 @@ async fn make(stage: &Stage, part: &str, body: Value) -> Answer {
 fn made(answer: &Answer) -> Value {
     assert_eq!(answer.status, 201, "{}", answer.text());
     answer.json()["events"][0]["item"].clone()
+}
+
+/// A log whose regions and meshes have as many bytes as allowed takes no more of them, from any route.
+#[tokio::test]
+async fn regions_and_meshes_beyond_the_limit_are_refused() {
+    let seed = json!({ "seed_mm": [5.0, 5.0, 5.0], "hu": [0, 63], "name": "all" });
+    let roomy = Stage::annotated().await;
+    let region = made(&make(&roomy, "/grow", seed.clone()).await);
+    let content = region["geometry"]["content"].as_str().unwrap();
+    let bytes = roomy.get(&roomy.path(&format!("annotations/contents/{content}"))).await.body.len() as u64;
+
+    let stage = Stage::annotated_with(Config { content_bytes: bytes, ..Config::default() }).await;
+    let region = made(&make(&stage, "/grow", seed.clone()).await);
+    let mut again = seed;
+    again["seed_mm"] = json!([15.0, 5.0, 5.0]);
+    again["hu"] = json!([0, 40]);
+    for (part, body) in [("/grow", again), ("/mesh", json!({ "region": region["id"] }))] {
+        let problem = make(&stage, part, body).await.problem(507);
+        assert_eq!(
+            (&problem["type"], &problem["allowed"]),
+            (&json!("urn:relief:problem:contents-full"), &json!(bytes)),
+            "{part}"
+        );
+    }
+    let file = stage.get(&stage.path(&format!("annotations/contents/{content}"))).await;
+    let path = stage.path("annotations/import?format=seg.nrrd&set=copies&duplicate=true");
+    let import = Request::post(path)
+        .header("content-type", "application/octet-stream")
+        .header("relief-author", "anna")
+        .body(Body::from(file.body))
+        .unwrap();
+    stage.ask(import).await.problem(507);
+    let list = stage.annotate(Method::GET, "", "", Value::Null).await.json();
+    assert_eq!(list["seq"], 1, "nothing of what was refused is in the log");
 }
 
 /// Invariant: Regions grow within their limits, are painted, filled and meshed over HTTP, and are

@@ -130,7 +130,7 @@ pub(super) struct ServeArguments {
     /// description is free text and may name the patient
     #[arg(long)]
     show_patient_data: bool,
-    /// Regions and meshes that the log of annotations may have together; imports of more are refused
+    /// Regions and meshes that the log of annotations may have together; more are refused
     #[arg(long, value_name = "BYTES", default_value = "64GiB", value_parser = parse_bytes)]
     contents: u64,
     /// Orders that may wait while one renders; more are answered with 503

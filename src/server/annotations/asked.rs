@@ -17,7 +17,7 @@ use crate::identity::Caller;
 use crate::live::Live;
 use crate::problem::{Problem, parse};
 use crate::state::{AppState, Config, Pictures, Uploads};
-use relief_annotation::{Change, Event};
+use relief_annotation::{Change, ContentId, Event};
 use relief_session::VolumeEntry;
 
 /// The volume of the path's `id`, the author of the header `Relief-Author`, and the parts of the
@@ -75,6 +75,22 @@ impl EditRequest {
     /// The server's configuration.
     pub(super) fn config(&self) -> &Config {
         &self.pictures.config
+    }
+
+    /// Checks that contents of this size may be added to the log.
+    pub(super) async fn expect_room(&self, bytes: u64) -> Result<(), Problem> {
+        let limit = self.config().content_bytes;
+        if bytes == 0 || self.annotations.store.content_bytes().await?.saturating_add(bytes) <= limit {
+            return Ok(());
+        }
+        let detail = format!("the log has as many bytes of regions and meshes as allowed: {limit}");
+        Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, "contents-full", detail).with("allowed", limit))
+    }
+
+    /// Keeps a region or a mesh, if the log has room for it.
+    pub(super) async fn keep_content(&self, media_type: &str, bytes: &[u8]) -> Result<ContentId, Problem> {
+        self.expect_room(bytes.len() as u64).await?;
+        Ok(self.annotations.store.put_content(media_type, bytes).await?)
     }
 
     /// Makes an edit, and wakes the live views.

@@ -136,23 +136,13 @@ pub(super) async fn import(
         let answer = json!({ "events": [], "warnings": warnings, "there": counts });
         return Ok(Json(answer).into_response());
     }
-    expect_room(&asked, contents.iter().map(|(_, _, bytes)| bytes.len() as u64).sum()).await?;
+    asked.expect_room(contents.iter().map(|(_, _, bytes)| bytes.len() as u64).sum()).await?;
     for (_, media_type, bytes) in &contents {
         asked.annotations.store.put_content(media_type, bytes).await?;
     }
     let events = asked.edit(&author, &reason, merged.changes).await?;
     let answer = json!({ "events": events_json(&events), "warnings": warnings, "there": counts });
     Ok((StatusCode::CREATED, Json(answer)).into_response())
-}
-
-/// Checks that contents may be added to the log.
-async fn expect_room(asked: &EditRequest, bytes: u64) -> Result<(), Problem> {
-    let limit = asked.config().content_bytes;
-    if bytes == 0 || asked.annotations.store.content_bytes().await?.saturating_add(bytes) <= limit {
-        return Ok(());
-    }
-    let detail = format!("the log has as many bytes of regions and meshes as allowed: {limit}");
-    Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, "contents-full", detail).with("allowed", limit))
 }
 
 fn unreadable(error: ImportError) -> Problem {

@@ -135,7 +135,7 @@ impl NewStructure {
             return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-there", detail));
         }
         let bytes = self.file_of(mask, rgb).await?;
-        let content = self.asked.annotations.store.put_content(REGION, &bytes).await?;
+        let content = self.asked.keep_content(REGION, &bytes).await?;
         Ok(Geometry::Region(RegionSummary { content, label: LABEL, voxels, volume_ml }))
     }
 

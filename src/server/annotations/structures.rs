@@ -205,7 +205,7 @@ pub(super) async fn mesh(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Resu
         Ok((bytes, mesh.vertices.len(), mesh.triangles.len(), mesh.measures()))
     };
     let (bytes, vertices, triangles, measures) = order.work("making a mesh", job).await?;
-    let content = order.asked.annotations.store.put_content(MESH, &bytes).await?;
+    let content = order.asked.keep_content(MESH, &bytes).await?;
     let count =
         |count: usize| u32::try_from(count).map_err(|error| Problem::internal("counting a mesh", error));
     let (area_mm2, volume_ml) = (measures.area_mm2, measures.volume_ml);
