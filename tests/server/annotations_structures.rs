@@ -31,8 +31,7 @@ async fn regions_and_meshes_beyond_the_limit_are_refused() {
     let stage = Stage::annotated_with(Config { content_bytes: bytes, ..Config::default() }).await;
     let region = made(&make(&stage, "/grow", seed.clone()).await);
     let mut again = seed;
-    again["seed_mm"] = json!([15.0, 5.0, 5.0]);
-    again["hu"] = json!([0, 40]);
+    again["hu"] = json!([1, 63]);
     for (part, body) in [("/grow", again), ("/mesh", json!({ "region": region["id"] }))] {
         let problem = make(&stage, part, body).await.problem(507);
         assert_eq!(
