@@ -19,8 +19,9 @@ mod reports;
 pub(crate) type Reader = (&'static str, fn(&[u8]));
 
 /// All readers.
-pub(crate) const READERS: [Reader; 32] = [
+pub(crate) const READERS: [Reader; 33] = [
     ("dicom", files::dicom),
+    ("codecs", files::dicom),
     ("zip", files::zip),
     ("commitment", files::commitment),
     ("nifti", files::nifti),

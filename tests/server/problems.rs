@@ -5,6 +5,10 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::Request;
+use proptest::prelude::*;
+use proptest::sample::select;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
 use relief_server::{AllowedHosts, Config};
 use relief_session::QueueConfig;
 use serde_json::json;
@@ -64,6 +68,67 @@ async fn parameters_are_refused_by_name_value_and_range() {
         stage.get(&stage.path(&format!("depth?{query}"))).await.problem(status);
     }
     assert_eq!(stage.gate.count(), 0, "nothing wrong reaches the renderer");
+}
+
+/// Invariant: Any query of a frame or a slice is answered by a picture or refused with a reason.
+#[tokio::test]
+async fn any_query_is_rendered_or_refused() {
+    const VALUES: [&str; 26] = [
+        "",
+        "0",
+        "1",
+        "-1",
+        "0.5",
+        "90",
+        "1e400",
+        "-1e308",
+        "nan",
+        "inf",
+        "true",
+        "false",
+        "bone",
+        "composite",
+        "1,2",
+        "40,400",
+        "1,2,3",
+        "0,0,0,0,0,0",
+        "0,0,1,0,0,0,5,5,5,0,1,0",
+        "99999999999999999999",
+        "default",
+        "volume",
+        "visible",
+        "%00",
+        "%ff",
+        "a+b%26c%3Dd,%2C",
+    ];
+    let stage = Stage::annotated().await;
+    let description = stage.get("/openapi.json").await.json();
+    let parameters = description["components"]["parameters"].as_object().unwrap().values();
+    let names: Vec<&str> =
+        parameters.filter(|one| one["in"] == "query").map(|one| one["name"].as_str().unwrap()).collect();
+    assert!(names.len() > 50, "{names:?}");
+    let mut runner = TestRunner::deterministic();
+    let part =
+        (select(names), prop_oneof![8 => select(&VALUES[..]).prop_map(str::to_owned), 1 => "[!-~]{0,12}"]);
+    let queries = (select(vec!["frame", "slice"]), proptest::collection::vec(part, 1..5));
+    let (mut rendered, mut refused) = (0, 0);
+    for _ in 0..1000 {
+        let (route, parts) = queries.new_tree(&mut runner).unwrap().current();
+        let parts: Vec<String> =
+            parts.iter().map(|(name, value)| format!("{name}={}", value.replace('#', "%23"))).collect();
+        let path = stage.path(&format!("{route}?size_px=16,12&layout=color&{}", parts.join("&")));
+        let Ok(request) = Request::get(&path).body(Body::empty()) else { continue };
+        let answer = stage.ask(request).await;
+        match answer.status.as_u16() {
+            200 => rendered += 1,
+            status @ (400 | 404 | 406 | 422) => {
+                answer.problem(status);
+                refused += 1;
+            }
+            status => panic!("{path}: {status} {}", answer.text()),
+        }
+    }
+    assert!(rendered > 50 && refused > 500, "{rendered} rendered, {refused} refused");
 }
 
 #[tokio::test]
