@@ -46,7 +46,7 @@ fn damaged_files_are_read_or_refused() {
 #[test]
 #[ignore = "the process that reads in damaged_files_are_read_or_refused"]
 fn reading_damaged_files() {
-    let seeds = PathBuf::from(std::env::var_os(SEEDS).unwrap());
+    let Some(seeds) = std::env::var_os(SEEDS).map(PathBuf::from) else { return };
     let mut count = 0;
     for (number, (name, read)) in (0..).zip(targets::READERS) {
         let seeds = seeds_of(&seeds.join(name));
