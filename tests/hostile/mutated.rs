@@ -65,7 +65,7 @@ fn reading_damaged_files() {
     eprintln!("{count} damaged files");
 }
 
-/// The undamaged files of a reader; an empty one where there are none.
+/// The undamaged files of a reader, and an empty file.
 fn seeds_of(folder: &Path) -> Vec<Vec<u8>> {
     let mut paths: Vec<PathBuf> =
         std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();

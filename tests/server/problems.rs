@@ -74,7 +74,7 @@ fn text(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// The example or default of a described parameter; 1 where there is none.
+/// The example of a described parameter, else its default, else 1.
 fn usual(parameter: &Value) -> String {
     let values = [&parameter["example"], &parameter["schema"]["default"]];
     values.into_iter().find(|value| !value.is_null()).map_or_else(|| "1".to_owned(), text)
