@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use super::pipelines::WORKGROUP_SIDE;
-use crate::gpu::{ErrorScope, Gpu, GpuError, Readback};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Readback, Shader};
 
 /// The stage's sources.
 pub(super) const CALIBRATE_SOURCES: [&str; 1] = [include_str!("../../shaders/calibrate.wgsl")];
@@ -23,15 +23,7 @@ pub(super) fn sampling_rate(
     sampler: &wgpu::Sampler,
 ) -> Result<f64, GpuError> {
     let scope = ErrorScope::open(gpu, "the calibration");
-    let module = gpu.shader("calibrate", &CALIBRATE_SOURCES);
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("calibrate"),
-        layout: None,
-        module: &module,
-        entry_point: Some("calibrate"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
+    let pipeline = Shader::new("calibrate", &CALIBRATE_SOURCES)?.pipeline(gpu, None, &[])?;
     let sums = Readback::new(gpu, "sums", u64::from(SIDE * SIDE) * 4);
     let resources = [
         wgpu::BindingResource::TextureView(volume),

@@ -8,7 +8,7 @@ use super::labels::Edges;
 use super::mode::Mode;
 use super::request::{DepthRule, RenderRequest};
 use crate::AdapterKind;
-use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Shader};
 use crate::table_storage::TableStorage;
 use crate::texture::VoxelFormat;
 
@@ -144,7 +144,7 @@ impl PipelineKey {
 
 /// Pipelines by key, compiled on first use.
 pub(super) struct Pipelines {
-    module: wgpu::ShaderModule,
+    shader: Shader,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,
     pub(super) lighting_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
@@ -159,7 +159,7 @@ impl Pipelines {
     pub(super) fn new(gpu: &Gpu, format: VoxelFormat) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the ray-casting shader");
         let table = TableStorage::of(gpu);
-        let module = gpu.shader("raycast", &stage_sources(table, RAYCAST));
+        let shader = Shader::new("raycast", &stage_sources(table, RAYCAST))?;
         let bind_group_layout = bind_group_layout(gpu, table);
         let lighting_layout = lighting_layout(gpu);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -173,7 +173,7 @@ impl Pipelines {
             _ => 1,
         };
         Ok(Self {
-            module,
+            shader,
             bind_group_layout,
             lighting_layout,
             layout,
@@ -186,19 +186,8 @@ impl Pipelines {
     /// The pipeline of this key.
     pub(super) fn get(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<&wgpu::ComputePipeline, GpuError> {
         if !self.compiled.contains_key(&key) {
-            let scope = ErrorScope::open(gpu, "the ray-casting pipeline");
-            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("raycast"),
-                layout: Some(&self.layout),
-                module: &self.module,
-                entry_point: Some("raycast"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &key.constants(self.format, self.runs),
-                    ..Default::default()
-                },
-                cache: None,
-            });
-            scope.close()?;
+            let constants = key.constants(self.format, self.runs);
+            let pipeline = self.shader.pipeline(gpu, Some(&self.layout), &constants)?;
             self.compiled.insert(key, pipeline);
         }
         Ok(&self.compiled[&key])

@@ -12,7 +12,7 @@ use super::mode::SlabBlend;
 use super::pipelines::{BINDINGS, Output, binding_types, stage_sources};
 use super::request::RenderRequest;
 use super::table_storage::TableStorage;
-use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Shader};
 use relief_volume::Grid;
 
 /// The stage's own source.
@@ -70,7 +70,7 @@ struct SliceKey {
 
 /// The pipelines of mode `slice`, compiled on first use.
 pub(super) struct SlicePipelines {
-    module: wgpu::ShaderModule,
+    shader: Shader,
     pub(super) bind_group_layout: wgpu::BindGroupLayout,
     layout: wgpu::PipelineLayout,
     pub(super) slab: wgpu::Buffer,
@@ -83,7 +83,7 @@ impl SlicePipelines {
     pub(super) fn new(gpu: &Gpu, hu_scale: f64) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the slice shader");
         let table = TableStorage::of(gpu);
-        let module = gpu.shader("slice", &stage_sources(table, SLICE));
+        let shader = Shader::new("slice", &stage_sources(table, SLICE))?;
         let bind_group_layout = bind_group_layout(gpu, table);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("slice"),
@@ -97,7 +97,7 @@ impl SlicePipelines {
             mapped_at_creation: false,
         });
         scope.close()?;
-        Ok(Self { module, bind_group_layout, layout, slab, hu_scale, compiled: HashMap::new() })
+        Ok(Self { shader, bind_group_layout, layout, slab, hu_scale, compiled: HashMap::new() })
     }
 
     /// The pipeline of this blend, with the slab of `request` in its uniform.
@@ -112,19 +112,8 @@ impl SlicePipelines {
         gpu.queue.write_buffer(&self.slab, 0, bytemuck::bytes_of(&SlabUniform::new(request, grid)));
         let key = SliceKey { blend, output, edges: request.labels.as_ref().map(|labels| labels.edges) };
         if !self.compiled.contains_key(&key) {
-            let scope = ErrorScope::open(gpu, "the slice pipeline");
-            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("slice"),
-                layout: Some(&self.layout),
-                module: &self.module,
-                entry_point: Some("slice"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &key.constants(self.hu_scale),
-                    ..Default::default()
-                },
-                cache: None,
-            });
-            scope.close()?;
+            let constants = key.constants(self.hu_scale);
+            let pipeline = self.shader.pipeline(gpu, Some(&self.layout), &constants)?;
             self.compiled.insert(key, pipeline);
         }
         Ok(&self.compiled[&key])

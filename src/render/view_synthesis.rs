@@ -11,7 +11,7 @@ use relief_display::{
     DecodedLayer, LayoutError, Parallax, ProcessorViews, Synthesize, Views, check_layers, synthesize,
 };
 
-use crate::gpu::{AdapterChoice, ErrorScope, Gpu, GpuError, Readback, has_card};
+use crate::gpu::{AdapterChoice, ErrorScope, Gpu, GpuError, Readback, Shader, has_card};
 
 /// The sources of both stages.
 const SPANS_SOURCES: [&str; 2] =
@@ -83,11 +83,8 @@ impl ViewSynthesizer {
         let gpu = Gpu::open(choice)?;
         let scope = ErrorScope::open(&gpu, "the shaders of views");
         let layout = bind_group_layout(&gpu);
-        let [spans, view] =
-            [("view_spans", &SPANS_SOURCES), ("synthesize_view", &VIEW_SOURCES)].map(|(entry, sources)| {
-                let module = gpu.shader(entry, sources);
-                pipeline(&gpu, &layout, &module, entry)
-            });
+        let spans = pipeline(&gpu, &layout, "view_spans", &SPANS_SOURCES)?;
+        let view = pipeline(&gpu, &layout, "synthesize_view", &VIEW_SOURCES)?;
         let buffer = |label, bytes: usize, usage| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -234,22 +231,15 @@ fn packed(layer: &DecodedLayer) -> impl Iterator<Item = u32> {
 fn pipeline(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    module: &wgpu::ShaderModule,
     entry: &'static str,
-) -> wgpu::ComputePipeline {
+    sources: &[&str],
+) -> Result<wgpu::ComputePipeline, GpuError> {
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(entry),
         bind_group_layouts: &[Some(layout)],
         immediate_size: 0,
     });
-    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(entry),
-        layout: Some(&layout),
-        module,
-        entry_point: Some(entry),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    })
+    Shader::new(entry, sources)?.pipeline(gpu, Some(&layout), &[])
 }
 
 fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {

@@ -242,7 +242,7 @@ fn rest() -> (SensorPose, Vec<RemoteSenses>) {
 /// driver.
 #[test]
 fn the_kernels_virtual_wiimote_is_found_brought_up_and_tracked() {
-    if !kernel::entered("track::uhid::the_kernels_virtual_wiimote_is_found_brought_up_and_tracked") {
+    if !kernel::entered(kernel::WIIMOTE) {
         return;
     }
     let uhid = File::options().read(true).write(true).open("/dev/uhid").unwrap();

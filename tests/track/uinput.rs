@@ -104,7 +104,7 @@ fn aimed(pose: &Value) -> [i32; 2] {
 /// Invariant: The pointer of `relief track --uinput` is where the Wiimote's ray meets the screen.
 #[test]
 fn the_desktops_pointer_follows_the_ray_and_the_buttons() {
-    if !kernel::entered("track::uinput::the_desktops_pointer_follows_the_ray_and_the_buttons") {
+    if !kernel::entered(kernel::POINTER) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -97,14 +97,6 @@ impl Gpu {
         let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
         self.device.poll(wait).map(|_| ()).map_err(stalled)
     }
-
-    /// Compiles WGSL sources joined in this order.
-    pub(crate) fn shader(&self, label: &'static str, sources: &[&str]) -> wgpu::ShaderModule {
-        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(label),
-            source: wgpu::ShaderSource::Wgsl(sources.join("\n").into()),
-        })
-    }
 }
 
 /// Catches the errors of the commands between its opening and [`ErrorScope::close`].

@@ -7,6 +7,7 @@ mod adapter;
 mod choice;
 mod device;
 pub(crate) mod error;
+mod shader;
 
 pub use crate::gpu::choice::AdapterChoice;
 pub(crate) use adapter::has_card;
@@ -14,3 +15,4 @@ pub use adapter::{AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
 pub use device::{Gpu, GpuLimits};
 pub use error::GpuError;
+pub(crate) use shader::Shader;

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Shader};
 use crate::labels::Edges;
 use crate::mode::Mode;
 use crate::request::RenderRequest;
@@ -72,7 +72,7 @@ impl StageKey {
 
 /// The stage and its pipelines, compiled on first use.
 pub(super) struct Stage {
-    module: wgpu::ShaderModule,
+    shader: Shader,
     pub(super) layouts: [wgpu::BindGroupLayout; 2],
     layout: wgpu::PipelineLayout,
     format: VoxelFormat,
@@ -84,7 +84,7 @@ impl Stage {
     pub(super) fn new(gpu: &Gpu, format: VoxelFormat) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "the illumination shader");
         let table = TableStorage::of(gpu);
-        let module = gpu.shader("illuminate", &illuminate_sources(table));
+        let shader = Shader::new("illuminate", &illuminate_sources(table))?;
         let layouts = [0, 1].map(|group| {
             let of_group = CELL_BINDINGS.iter().filter(|(of, _, _)| *of == group);
             group_layout(gpu, "illuminate", of_group.map(|&(_, binding, name)| (binding, name)), table)
@@ -95,7 +95,7 @@ impl Stage {
             immediate_size: 0,
         });
         scope.close()?;
-        Ok(Self { module, layouts, layout, format, compiled: HashMap::new() })
+        Ok(Self { shader, layouts, layout, format, compiled: HashMap::new() })
     }
 
     /// The pipeline of this key.
@@ -104,28 +104,17 @@ impl Stage {
             return Ok(known.clone());
         }
         let flag = |on: bool| f64::from(u8::from(on));
-        let scope = ErrorScope::open(gpu, "an illumination pipeline");
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("illuminate"),
-            layout: Some(&self.layout),
-            module: &self.module,
-            entry_point: Some("illuminate"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &[
-                    ("OPENNESS", flag(key.openness)),
-                    ("SURFACES", flag(key.surfaces)),
-                    ("CUT_AWAY", flag(key.cut_away)),
-                    ("GRADIENT_OPACITY", flag(key.gradient_opacity)),
-                    ("LABELLED", flag(key.edges.is_some())),
-                    ("SMOOTH_EDGES", flag(key.edges == Some(Edges::Smooth))),
-                    ("PRECOMPUTED_GRADIENTS", flag(key.precomputed_gradients)),
-                    ("HU_SCALE", self.format.hu_scale()),
-                ],
-                ..Default::default()
-            },
-            cache: None,
-        });
-        scope.close()?;
+        let constants = [
+            ("OPENNESS", flag(key.openness)),
+            ("SURFACES", flag(key.surfaces)),
+            ("CUT_AWAY", flag(key.cut_away)),
+            ("GRADIENT_OPACITY", flag(key.gradient_opacity)),
+            ("LABELLED", flag(key.edges.is_some())),
+            ("SMOOTH_EDGES", flag(key.edges == Some(Edges::Smooth))),
+            ("PRECOMPUTED_GRADIENTS", flag(key.precomputed_gradients)),
+            ("HU_SCALE", self.format.hu_scale()),
+        ];
+        let pipeline = self.shader.pipeline(gpu, Some(&self.layout), &constants)?;
         self.compiled.insert(key, pipeline.clone());
         Ok(pipeline)
     }

@@ -1,6 +1,6 @@
 //! The compute stages of the path tracer: their sources, bindings and pipelines.
 
-use crate::gpu::{ErrorScope, Gpu, GpuError};
+use crate::gpu::{ErrorScope, Gpu, GpuError, Shader};
 
 /// The parts that distinguish a stage. Group 0 is shared with the ray caster, and both stages begin
 /// with the same files and bindings.
@@ -75,25 +75,15 @@ impl Stage {
     pub(super) fn new(gpu: &Gpu, parts: &StageParts, hu_scale: f64) -> Result<Self, GpuError> {
         let name = parts.name;
         let scope = ErrorScope::open(gpu, "the path tracing shader");
-        let module = gpu.shader(name, parts.sources);
+        let shader = Shader::new(name, parts.sources)?;
         let layouts = [0, 1].map(|group| bind_group_layout(gpu, parts, group));
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(name),
             bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
             immediate_size: 0,
         });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(name),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some(name),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &[("HU_SCALE", hu_scale)],
-                ..Default::default()
-            },
-            cache: None,
-        });
         scope.close()?;
+        let pipeline = shader.pipeline(gpu, Some(&layout), &[("HU_SCALE", hu_scale)])?;
         Ok(Self { name, pipeline, layouts })
     }
 
