@@ -52,7 +52,8 @@ fn text_inside(root: &Path, command: &str) -> String {
 fn packages(folder: &Path) -> [PathBuf; 2] {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/package");
     let mut command = Command::new(script);
-    let output = succeed(command.args(["--program", env!("CARGO_BIN_EXE_relief"), "--out"]).arg(folder));
+    let output =
+        succeed(command.args(["--fast", "--program", env!("CARGO_BIN_EXE_relief"), "--out"]).arg(folder));
     let paths: Vec<PathBuf> = String::from_utf8(output.stdout).unwrap().lines().map(PathBuf::from).collect();
     paths.try_into().unwrap()
 }

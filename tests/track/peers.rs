@@ -35,7 +35,7 @@ fn poses_are_the_minima_of_opencv_poselib_and_ipopt() {
     let folder = tempfile::tempdir().unwrap();
     let views = folder.path().join("views.json");
     let mut relief = Command::new(env!("CARGO_BIN_EXE_relief"));
-    let made = relief.args(["track", "views", "--count", "1000", "--out"]).arg(&views).output().unwrap();
+    let made = relief.args(["track", "views", "--count", "250", "--out"]).arg(&views).output().unwrap();
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/peers/poses.py");
     let compared = python.arg(script).arg(&views).output().unwrap();
@@ -47,7 +47,7 @@ fn poses_are_the_minima_of_opencv_poselib_and_ipopt() {
         assert!(peer["max_degrees"].as_f64().unwrap() < 1e-4, "{name}: {report}");
         assert!(peer["max_mm"].as_f64().unwrap() < 1e-3, "{name}: {report}");
         // IPOPT has no global start: from a level pose it ends in other minima at times.
-        assert!(peer["worse"].as_u64().unwrap() <= if name == "ipopt" { 200 } else { 0 }, "{name}: {report}");
+        assert!(peer["worse"].as_u64().unwrap() <= if name == "ipopt" { 50 } else { 0 }, "{name}: {report}");
     }
 }
 
