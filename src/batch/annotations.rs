@@ -159,17 +159,17 @@ impl KeptShape {
 
 /// The annotations that were read last: all views of a series have the same.
 #[derive(Debug, Default)]
-pub(super) struct ReadiedLast(Mutex<HashMap<String, Arc<PreparedAnnotations>>>);
+pub(super) struct LastAnnotations(Mutex<HashMap<String, Arc<PreparedAnnotations>>>);
 
-impl ReadiedLast {
+impl LastAnnotations {
     pub(super) fn get(&self, kept: &KeptAnnotations) -> Result<Arc<PreparedAnnotations>, SeriesError> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = last.get(&kept.sha256) {
             return Ok(Arc::clone(known));
         }
-        let readied = Arc::new(kept.read()?);
+        let prepared = Arc::new(kept.read()?);
         last.clear();
-        last.insert(kept.sha256.clone(), Arc::clone(&readied));
-        Ok(readied)
+        last.insert(kept.sha256.clone(), Arc::clone(&prepared));
+        Ok(prepared)
     }
 }

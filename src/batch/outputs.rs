@@ -48,11 +48,11 @@ impl RenderedView {
         let mut made = Outputs { files: Vec::new(), warnings: Vec::new(), structures: Vec::new() };
         let plain = self.drawn(&self.request)?;
         let mut annotated = None;
-        if let Some(readied) = annotations
+        if let Some(prepared) = annotations
             && products.iter().any(|product| product.needs_annotations() && *product != Product::Labels)
         {
             let mut request = self.request.clone();
-            let drawn = readied.drawables.draw(&mut request, &self.display, &self.grid);
+            let drawn = prepared.drawables.draw(&mut request, &self.display, &self.grid);
             if drawn.left_out > 0 {
                 let left_out = drawn.left_out;
                 made.warnings
@@ -119,7 +119,7 @@ impl RenderedView {
         annotations: Option<&PreparedAnnotations>,
         made: &mut Outputs,
     ) -> Result<Vec<u8>, SeriesError> {
-        let structures = annotations.map_or(&[][..], |readied| &readied.structures);
+        let structures = annotations.map_or(&[][..], |prepared| &prepared.structures);
         if structures.len() > MOST_LABELS {
             return Err(SeriesError::permanent(format!(
                 "{} structures, allowed: at most {MOST_LABELS} in a picture of labels",

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::annotations::{PreparedAnnotations, ReadiedLast};
+use super::annotations::{LastAnnotations, PreparedAnnotations};
 use super::copies::Copies;
 use super::error::{Failure, FailureKind, SeriesError};
 use super::gate::MemoryBudget;
@@ -85,26 +85,26 @@ pub struct Seconds {
     pub writing: f64,
 }
 
-/// Why a run did not begin.
+/// Why a run did not start.
 #[derive(Debug)]
 pub enum RunError<E> {
-    /// The folder of outputs cannot be made, or the bucket not be reached.
+    /// The folder of outputs cannot be created, or the bucket cannot be reached.
     Out(std::io::Error),
-    /// There is no renderer.
+    /// The renderer cannot be opened.
     Renderer(E),
 }
 
-/// How long a series that is broken for good is taken for that.
+/// How long a permanent failure of a series holds: it may be mended while a worker runs.
 const BROKEN_FOR: Duration = Duration::from_secs(10);
 /// Pictures that wait to be written: more would only hold memory.
 const WRITES_WAITING: usize = 2;
-/// Most threads that draw, encode and write.
+/// Largest number of threads that draw, encode and write.
 const MOST_WRITERS: usize = 4;
 
 /// A picture on its way to its files.
 struct Finished<J> {
     job: J,
-    sight: RenderedView,
+    view: RenderedView,
     warnings: Vec<String>,
     picture_warning: Option<String>,
 }
@@ -113,16 +113,16 @@ struct Finished<J> {
 pub(super) struct RunState<'a> {
     sink: &'a Sink,
     report: &'a (dyn Fn(RunEvent<'_>) + Sync),
-    annotations: ReadiedLast,
+    annotations: LastAnnotations,
     summary: Mutex<Summary>,
 }
 
 /// Runs the jobs that are not done, with a renderer that is opened where there are any. One job
-/// that fails stops no other; `report` hears of each, from several threads.
+/// that fails stops no other; `report` is called for each, from several threads.
 ///
 /// # Errors
-/// When the folder of outputs cannot be made, the bucket not be reached, or the renderer not be
-/// opened.
+/// When the folder of outputs cannot be created, the bucket cannot be reached, or the renderer
+/// cannot be opened.
 pub fn run<E>(
     open: impl FnOnce() -> Result<Renderer, E>,
     jobs: &[Job],
@@ -197,8 +197,8 @@ struct Last<'a> {
 }
 
 impl Last<'_> {
-    /// Whether what came of it holds for another job. A series that is broken for good is not read
-    /// again for each of its views; but it may be mended while a worker lives.
+    /// Whether the result holds for another job. A series that cannot be read is not read again for
+    /// each of its views, for a while.
     fn holds_for(&self, wanted: &SeriesSource) -> bool {
         let holds = match &self.series {
             Ok(_) => true,
@@ -225,7 +225,7 @@ fn load_all<'a, J: Borrow<Job>>(
         let Last { series, .. } = last.get_or_insert_with(|| {
             let started = Instant::now();
             let series = wanted.load(gate, copies).map(Arc::new);
-            // The renderer asks for it: known here, it need not wait for it there.
+            // The renderer needs the hash. It is computed here, beside the rendering of another series.
             let _ = series.as_ref().map(|loaded| loaded.volume.content_hash());
             shared.change(|summary| {
                 summary.loaded += usize::from(series.is_ok());
@@ -259,7 +259,7 @@ fn render_all<'a, J: Borrow<Job>>(
                     return; // the writers have ended
                 }
             }
-            Err(trouble) => jobs.iter().for_each(|job| shared.fail(job.borrow(), trouble.clone())),
+            Err(error) => jobs.iter().for_each(|job| shared.fail(job.borrow(), error.clone())),
         }
         waiting = Instant::now();
     }
@@ -278,10 +278,10 @@ fn render_series<J: Borrow<Job>>(
 ) -> bool {
     for job in jobs {
         match render(renderer, loaded, job.borrow()) {
-            Ok(sight) => {
-                let (timings, waiting) = (sight.frame.timings, Instant::now());
-                let picture_warning = warning_of(&sight, loaded);
-                let picture = Finished { job, sight, warnings: loaded.warnings.clone(), picture_warning };
+            Ok(view) => {
+                let (timings, waiting) = (view.frame.timings, Instant::now());
+                let picture_warning = warning_of(&view, loaded);
+                let picture = Finished { job, view, warnings: loaded.warnings.clone(), picture_warning };
                 if finished.send(picture).is_err() {
                     return false;
                 }
@@ -291,7 +291,7 @@ fn render_series<J: Borrow<Job>>(
                     seconds.waiting_for_writers += waiting.elapsed().as_secs_f64();
                 });
             }
-            Err(trouble) => shared.fail(job.borrow(), trouble),
+            Err(error) => shared.fail(job.borrow(), error),
         }
     }
     true
@@ -346,19 +346,19 @@ fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &R
                 shared.change(|summary| summary.done += 1);
                 (shared.report)(RunEvent::Done(job, &record));
             }
-            Err(trouble) => shared.fail(job, trouble),
+            Err(error) => shared.fail(job, error),
         }
     }
 }
 
 fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result<Record, SeriesError> {
-    let Finished { job, sight, warnings, picture_warning } = picture;
+    let Finished { job, view, warnings, picture_warning } = picture;
     let (job, started) = (job.borrow(), Instant::now());
     let refused =
         |error: std::io::Error| SeriesError::retryable(format_args!("cannot write {}: {error}", job.name()));
-    let readied: Option<Arc<PreparedAnnotations>> =
+    let prepared: Option<Arc<PreparedAnnotations>> =
         job.annotations.as_ref().map(|kept| shared.annotations.get(kept)).transpose()?;
-    let made: Outputs = sight.outputs(&job.products, readied.as_deref())?;
+    let made: Outputs = view.outputs(&job.products, prepared.as_deref())?;
     let mut outputs = Vec::new();
     for (product, bytes) in made.files {
         let name = format!("{}.{}", job.view, product.ending());
@@ -366,7 +366,7 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result
         shared.sink.put_written(&path, bytes, &written).map_err(refused)?;
         outputs.push(written);
     }
-    let timings = sight.frame.timings;
+    let timings = view.frame.timings;
     let record = Record {
         job: job.job.clone(),
         series: job.series.name.clone(),
@@ -376,7 +376,7 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result
         structures: made.structures,
         render_ms: timings.upload_ms + timings.render_ms + timings.overlay_ms,
         write_ms: started.elapsed().as_secs_f64() * 1e3,
-        size_px: sight.frame.size_px,
+        size_px: view.frame.size_px,
         warnings: warnings.iter().chain(&made.warnings).cloned().collect(),
         picture_warning: picture_warning.clone(),
     };
@@ -386,7 +386,7 @@ fn write<J: Borrow<Job>>(picture: &Finished<J>, shared: &RunState<'_>) -> Result
 
 impl<'a> RunState<'a> {
     pub(super) fn new(sink: &'a Sink, report: &'a (dyn Fn(RunEvent<'_>) + Sync)) -> Self {
-        Self { sink, report, annotations: ReadiedLast::default(), summary: Mutex::default() }
+        Self { sink, report, annotations: LastAnnotations::default(), summary: Mutex::default() }
     }
 
     pub(super) fn into_summary(self) -> Summary {

@@ -236,7 +236,7 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     let (worked, errors) = Worker::start(&archive, &nats, &out, &more).end();
     assert_eq!((&worked["failed"], &worked["put_off"]), (&1.into(), &0.into()), "{worked}: {errors}");
     assert_eq!(tries(), Some(("permanent".to_owned(), 2)));
-    assert!(errors.contains("never was a worker done with it"), "{errors}");
+    assert!(errors.contains("no worker finished it"), "{errors}");
     assert_eq!(pictures(&archive.path("out")).len(), 4, "all others are done");
     let failed = files(&archive.path("out")).into_keys().filter(|name| name.ends_with(".failed.json"));
     assert_eq!(failed.count(), 1);

@@ -1,19 +1,18 @@
 //! A work queue: jobs in a stream of NATS JetStream, taken by as many workers as there are.
 //!
 //! What it is: [`Queue::submit`] puts jobs into a stream, each under a subject of its own key, so
-//! that a job that waits there is never there twice; [`work_queue()`] takes jobs through one
-//! durable consumer that all workers share. A job leaves the stream when a worker says that its
-//! outputs are there, or that it can never be done. A worker that holds jobs reports this again and
-//! again; those of one that is not heard of are given to another. What it is not: no scheduler, and
-//! no queue of our own making.
+//! that no job waits there twice; [`work_queue()`] takes jobs through one durable consumer that all
+//! workers share. A job leaves the stream when a worker reports that its outputs exist, or that it
+//! failed permanently. A worker reports its jobs in progress at intervals; the queue redelivers the
+//! jobs of one that does not. What it is not: a scheduler, or a queue of our own.
 //!
 //! A job may be delivered twice, because a worker may die between its last write and its report.
 //! That does no harm: existing outputs are not made again, and outputs made at the same time have
 //! the same bytes.
 
+mod attempt;
+mod client;
 mod connect;
-mod courier;
-mod setback;
 mod submit;
 mod work;
 
@@ -22,9 +21,9 @@ use std::time::Duration;
 use async_nats::jetstream::consumer::{AckPolicy, pull};
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 
-pub use crate::queue::courier::WorkEnd;
+pub use attempt::FailedAttempt;
+pub use client::WorkEnd;
 pub use connect::{Queue, QueueAccess};
-pub use setback::FailedAttempt;
 pub use submit::Submitted;
 pub use work::{WorkOptions, WorkSummary, work_queue};
 

@@ -1,5 +1,5 @@
-//! Working: jobs of a queue go through the pipeline of [`run`](mod@crate::run), and their results
-//! back to the queue.
+//! A worker: takes jobs of a queue through the pipeline of [`run`](mod@crate::run), and reports their
+//! outcomes to the queue.
 
 use std::collections::HashMap;
 use std::future::Future;
@@ -10,20 +10,20 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use super::courier::{JobVerdict, QueueClient, STUCK, TakenJob, WorkerMessage};
-use super::setback::FailedAttempt;
+use super::attempt::FailedAttempt;
+use super::client::{JobOutcome, QueueClient, STUCK_AFTER, TakenJob, WorkerMessage};
 use super::{Queue, QueueError};
 use crate::copies::Copies;
 use crate::error::{Failure, FailureKind};
 use crate::gate::MemoryBudget;
 use crate::manifest::{Job, JobKey};
-use crate::queue::courier::WorkEnd;
+use crate::queue::client::WorkEnd;
 use crate::record::Record;
 use crate::run::{RunEvent, RunState, render_groups};
 use crate::sink::Sink;
 use relief_render::Renderer;
 
-/// How a worker works.
+/// Settings of a worker.
 #[derive(Clone, Debug)]
 pub struct WorkOptions {
     /// Where outputs go.
@@ -32,11 +32,11 @@ pub struct WorkOptions {
     pub copies: Copies,
     /// Bytes of voxels in memory: of the series that is rendered and of the next one.
     pub voxel_bytes: u64,
-    /// After so long without a sign of life the jobs of a worker are given to another; the first
-    /// worker of a stream says it for all.
+    /// The queue redelivers the jobs of a worker that does not report for this time. The first worker
+    /// of a stream decides it for all.
     pub ack_wait: Duration,
-    /// How often a job is begun before it is given up. A first time, when a worker was killed that
-    /// had several, leaves no trace and does not count.
+    /// How often a job is started before it fails permanently. The first start leaves no record, so
+    /// it does not count where its worker was killed.
     pub tries: u32,
     /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
     pub take: usize,
@@ -51,31 +51,32 @@ pub struct WorkSummary {
     pub done: usize,
     /// Done before, by another worker or another run.
     pub skipped: usize,
-    /// Given up for good.
+    /// Failed permanently.
     pub failed: usize,
     /// Failed, and left to be tried again.
     pub put_off: usize,
-    /// Taken and given back when the worker left.
+    /// Taken, and returned when the worker ended.
     pub handed_back: usize,
     /// Series that were loaded.
     pub loaded: usize,
-    /// Why it left.
+    /// Why it ended.
     pub ended: WorkEnd,
 }
 
-/// Words that may wait for the courier, who is never busy for long.
-const WORDS: usize = 64;
-/// Failures in a row, all of a kind that may pass, after which a worker leaves.
+/// Messages that may wait for the queue's client.
+const WAITING_MESSAGES: usize = 64;
+/// Retryable failures in a row after which a worker ends.
 const UNFIT: u32 = 5;
-/// Pauses before a job is tried again: the first one, and the longest.
+/// Pauses before the next attempt of a job: the first one, and the longest.
 const PAUSES: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(300)];
 
-/// Takes jobs from the queue and renders them, until `stop` is done or there is no need for it any
-/// more. `report` hears of each job, from several threads. `runtime` has the queue's connection;
-/// must be called from outside of it.
+/// Takes jobs from the queue and renders them, until `stop` completes or no job is left. `report` is
+/// called for each job, from several threads. `runtime` drives the queue's connection; call this from
+/// outside of it.
 ///
 /// # Errors
-/// When the stream or the place of the outputs cannot be opened. Later ones are waited out.
+/// When the stream or the place of the outputs cannot be opened. After that, a lost connection is
+/// awaited.
 pub fn work_queue(
     renderer: &mut Renderer,
     runtime: &Runtime,
@@ -85,33 +86,33 @@ pub fn work_queue(
     report: &(dyn Fn(RunEvent<'_>) + Sync),
 ) -> Result<WorkSummary, QueueError> {
     options.out.prepare()?;
-    let (feed, jobs) = channel(1);
-    let (words, heard) = channel(WORDS);
+    let (job_sender, jobs) = channel(1);
+    let (messages, received) = channel(WAITING_MESSAGES);
     let stopping = Arc::new(AtomicBool::new(false));
     let WorkOptions { ack_wait, take, idle_exit, .. } = *options;
-    let courier = QueueClient::new(queue, ack_wait, take, idle_exit, heard, Arc::clone(&stopping));
-    let courier = runtime.block_on(courier)?;
-    let courier = runtime.spawn(courier.run(feed, stop));
-    let bench = Bench {
+    let client = QueueClient::new(queue, ack_wait, take, idle_exit, received, Arc::clone(&stopping));
+    let client = runtime.block_on(client)?;
+    let client = runtime.spawn(client.run(job_sender, stop));
+    let worker = Worker {
         sink: &options.out,
         limit: options.tries,
-        words,
+        messages,
         stopping,
-        begun: Mutex::default(),
+        running: Mutex::default(),
         ended: Condvar::new(),
-        in_a_row: AtomicU32::new(0),
+        failures_in_a_row: AtomicU32::new(0),
         counts: Mutex::default(),
         report,
     };
-    let hear = |step: RunEvent<'_>| bench.hear(step);
-    let shared = RunState::new(&options.out, &hear);
-    let source = Source { jobs, bench: &bench, shared: &shared, is_alone: false };
+    let handle = |event: RunEvent<'_>| worker.handle(event);
+    let shared = RunState::new(&options.out, &handle);
+    let source = Source { jobs, worker: &worker, shared: &shared, is_alone: false };
     let gate = MemoryBudget::new(options.voxel_bytes);
     render_groups(renderer, source, &options.copies, &gate, &shared);
-    let counts = *lock(&bench.counts);
+    let counts = *lock(&worker.counts);
     let summary = shared.into_summary();
-    drop(bench); // the courier waits for words no longer
-    let ended = runtime.block_on(courier).map_err(std::io::Error::other)?;
+    drop(worker); // ends the client's wait for messages
+    let ended = runtime.block_on(client).map_err(std::io::Error::other)?;
     let WorkCounts { skipped, failed, put_off, handed_back } = counts;
     Ok(WorkSummary {
         done: summary.done,
@@ -133,34 +134,34 @@ struct WorkCounts {
 }
 
 /// State that the worker's threads share.
-struct Bench<'a> {
+struct Worker<'a> {
     sink: &'a Sink,
     limit: u32,
-    words: Sender<WorkerMessage>,
+    messages: Sender<WorkerMessage>,
     stopping: Arc<AtomicBool>,
-    begun: Mutex<HashMap<JobKey, RunningJob>>,
-    /// One of them ended.
+    running: Mutex<HashMap<JobKey, RunningJob>>,
+    /// One of them has ended.
     ended: Condvar,
-    in_a_row: AtomicU32,
+    failures_in_a_row: AtomicU32,
     counts: Mutex<WorkCounts>,
     report: &'a (dyn Fn(RunEvent<'_>) + Sync),
 }
 
-/// A job that is being done.
+/// A job in progress.
 #[derive(Clone, Copy, Debug, Default)]
 struct RunningJob {
     message: u64,
-    /// How often it was begun, this time included.
+    /// How often it was started, this time included.
     tries: u32,
 }
 
 /// The jobs of the queue, one by one, without those that are done.
 struct Source<'a> {
     jobs: Receiver<TakenJob>,
-    bench: &'a Bench<'a>,
+    worker: &'a Worker<'a>,
     shared: &'a RunState<'a>,
-    /// Whether the last job was redelivered: it may be one that kills workers, and is done alone,
-    /// so that only it is blamed.
+    /// Whether the last job was redelivered. It may be one that kills workers, so it runs alone: no
+    /// other job takes the blame.
     is_alone: bool,
 }
 
@@ -170,59 +171,60 @@ impl Iterator for Source<'_> {
     fn next(&mut self) -> Option<Vec<Job>> {
         loop {
             let taken = self.jobs.blocking_recv()?;
-            let comes_again = taken.delivered > 1;
-            if std::mem::replace(&mut self.is_alone, comes_again) || comes_again {
-                self.bench.await_all();
+            let is_redelivered = taken.delivered > 1;
+            if std::mem::replace(&mut self.is_alone, is_redelivered) || is_redelivered {
+                self.worker.await_all();
             }
-            // A worker may live long: what failed is beside the outputs and not kept here.
+            // A worker may run for weeks. Failures are recorded beside the outputs, not here.
             self.shared.change(|summary| summary.failures.clear());
-            if self.bench.begin(&taken) {
-                tracing::debug!("begun: {}", taken.job.name());
+            if self.worker.begin(&taken) {
+                tracing::debug!("started: {}", taken.job.name());
                 return Some(vec![taken.job]);
             }
         }
     }
 }
 
-impl Bench<'_> {
-    fn say(&self, job: &JobKey, verdict: JobVerdict) {
-        // Sending fails only when the courier has ended; then the queue redelivers the job.
-        let _ = self.words.blocking_send(WorkerMessage::Of(job.clone(), verdict));
+impl Worker<'_> {
+    fn send(&self, job: &JobKey, outcome: JobOutcome) {
+        // Sending fails only when the client has ended; then the queue redelivers the job.
+        let _ = self.messages.blocking_send(WorkerMessage::Ended(job.clone(), outcome));
     }
 
-    /// Waits until no job is being done; no longer than for one that is stuck.
+    /// Waits until no job is in progress, at most until one counts as stuck.
     fn await_all(&self) {
-        let waited = self.ended.wait_timeout_while(lock(&self.begun), STUCK, |begun| !begun.is_empty());
+        let waited =
+            self.ended.wait_timeout_while(lock(&self.running), STUCK_AFTER, |running| !running.is_empty());
         drop(waited.unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// A job is done, or not to be done by this worker.
+    /// A job is no longer in progress here.
     fn end(&self, job: &JobKey) -> RunningJob {
-        let begun = lock(&self.begun).remove(job).unwrap_or_default();
+        let ended = lock(&self.running).remove(job).unwrap_or_default();
         self.ended.notify_all();
-        begun
+        ended
     }
 
-    /// Whether a job is to be done now. Leaves a trace of one that came before: should it be this
-    /// worker's end, too, then the next one knows how often it was begun.
+    /// Whether a job is to be done now. Records the start of a redelivered job: if it kills this worker,
+    /// too, the next one knows how often it was started.
     fn begin(&self, TakenJob { job, message, delivered }: &TakenJob) -> bool {
         if self.stopping.load(Ordering::Relaxed) {
             lock(&self.counts).handed_back += 1;
-            self.say(&job.job, JobVerdict::Back);
+            self.send(&job.job, JobOutcome::Returned);
             return false;
         }
         if Record::of_done(job, self.sink).is_some() {
             lock(&self.counts).skipped += 1;
             (self.report)(RunEvent::Skipped(job));
-            self.say(&job.job, JobVerdict::Done);
+            self.send(&job.job, JobOutcome::Done);
             return false;
         }
-        // One that was handed back, or lay behind one that killed its worker, comes again, too: it
-        // was begun if it left a trace.
-        let traced = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
-        let before = (*delivered > 1).then(traced).flatten().map_or(0, |known| known.tries);
-        let begun = RunningJob { message: *message, tries: before.saturating_add(1) };
-        lock(&self.begun).insert(job.job.clone(), begun);
+        // A job that was returned, or waited behind one that killed its worker, is redelivered, too.
+        // Only a record shows that it was started.
+        let recorded = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
+        let before = (*delivered > 1).then(recorded).flatten().map_or(0, |known| known.tries);
+        let running = RunningJob { message: *message, tries: before.saturating_add(1) };
+        lock(&self.running).insert(job.job.clone(), running);
         if *delivered <= 1 {
             return true;
         }
@@ -230,60 +232,59 @@ impl Bench<'_> {
             job: job.job.0.clone(),
             name: job.name(),
             kind: FailureKind::Retryable,
-            reason: "a worker began it, and nothing was heard of either since".to_owned(),
+            reason: "a worker started it and did not report since".to_owned(),
         };
         if before >= self.limit {
-            failure.reason =
-                format!("it was begun {before} times or more, and never was a worker done with it");
+            failure.reason = format!("it was started at least {before} times, and no worker finished it");
             failure.kind = FailureKind::Permanent;
-            lock(&self.begun).insert(job.job.clone(), RunningJob { tries: before, ..begun });
+            lock(&self.running).insert(job.job.clone(), RunningJob { tries: before, ..running });
             self.fail(&failure);
             return false;
         }
-        let setback = FailedAttempt { failure, tries: begun.tries, message: *message };
-        if let Err(error) = setback.write(self.sink) {
-            self.fail(&Failure { reason: format!("cannot write: {error}"), ..setback.failure });
+        let attempt = FailedAttempt { failure, tries: running.tries, message: *message };
+        if let Err(error) = attempt.write(self.sink) {
+            self.fail(&Failure { reason: format!("cannot write: {error}"), ..attempt.failure });
             return false;
         }
         true
     }
 
-    /// The reports of the pipeline.
-    fn hear(&self, step: RunEvent<'_>) {
-        match step {
+    /// Handles an event of the pipeline.
+    fn handle(&self, event: RunEvent<'_>) {
+        match event {
             RunEvent::Done(job, _) => {
-                self.in_a_row.store(0, Ordering::Relaxed);
+                self.failures_in_a_row.store(0, Ordering::Relaxed);
                 self.end(&job.job);
                 if let Err(error) = FailedAttempt::remove(&job.name(), self.sink) {
-                    tracing::debug!("a setback stays beside the outputs: {error}");
+                    tracing::debug!("the record of a failed attempt cannot be removed: {error}");
                 }
-                (self.report)(step);
-                self.say(&job.job, JobVerdict::Done);
+                (self.report)(event);
+                self.send(&job.job, JobOutcome::Done);
             }
             RunEvent::Failed(failure) => self.fail(failure),
-            RunEvent::Skipped(_) => (self.report)(step),
+            RunEvent::Skipped(_) => (self.report)(event),
         }
     }
 
     fn fail(&self, failure: &Failure) {
         let job = JobKey(failure.job.clone());
         let RunningJob { message, tries } = self.end(&job);
-        let setback = FailedAttempt { failure: failure.clone(), tries, message };
-        let is_recorded = setback.write(self.sink).is_ok();
-        let is_over = failure.kind == FailureKind::Permanent || tries >= self.limit;
-        // An outcome that cannot be recorded must not be lost.
-        let verdict =
-            if is_over && is_recorded { JobVerdict::Never } else { JobVerdict::Later(pause_after(tries)) };
+        let attempt = FailedAttempt { failure: failure.clone(), tries, message };
+        let is_recorded = attempt.write(self.sink).is_ok();
+        let is_final = failure.kind == FailureKind::Permanent || tries >= self.limit;
+        // A failure that cannot be recorded must not be lost.
+        let outcome =
+            if is_final && is_recorded { JobOutcome::Failed } else { JobOutcome::Retry(pause_after(tries)) };
         {
             let mut counts = lock(&self.counts);
-            *(if verdict == JobVerdict::Never { &mut counts.failed } else { &mut counts.put_off }) += 1;
+            *(if outcome == JobOutcome::Failed { &mut counts.failed } else { &mut counts.put_off }) += 1;
         }
         (self.report)(RunEvent::Failed(failure));
-        self.say(&job, verdict);
+        self.send(&job, outcome);
         if failure.kind == FailureKind::Permanent {
-            self.in_a_row.store(0, Ordering::Relaxed);
-        } else if self.in_a_row.fetch_add(1, Ordering::Relaxed) + 1 == UNFIT {
-            let _ = self.words.blocking_send(WorkerMessage::Unfit);
+            self.failures_in_a_row.store(0, Ordering::Relaxed);
+        } else if self.failures_in_a_row.fetch_add(1, Ordering::Relaxed) + 1 == UNFIT {
+            let _ = self.messages.blocking_send(WorkerMessage::Unfit);
         }
     }
 }
@@ -293,7 +294,7 @@ fn pause_after(tries: u32) -> Duration {
     first.saturating_mul(2_u32.saturating_pow(tries.saturating_sub(1))).min(longest)
 }
 
-/// Numbers and a map are whole after a panic elsewhere, too.
+/// The counts and the map are valid after a panic elsewhere, too.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -158,7 +158,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
     let jobs = read(manifest)?;
     let films = films.films(&jobs)?;
     let sink = bucket.open(out)?;
-    write_report(&jobs, &setbacks(&jobs, &sink), &sink, &films)
+    write_report(&jobs, &failed_attempts(&jobs, &sink), &sink, &films)
         .with_context(|| format!("cannot write the report of {out}"))?;
     match out {
         Location::Local(folder) => say!("{}", folder.join(REPORT).display()),
@@ -169,15 +169,15 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
 
 /// The jobs that workers of a queue have not done, and why.
 #[cfg(feature = "cluster")]
-fn setbacks(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
+fn failed_attempts(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     use relief_batch::{FailedAttempt, Record};
     // Combinations that cannot work are refused where the report is requested.
     let open = jobs.iter().filter(|job| matches!(Record::read(job, sink), Ok(None)));
-    open.filter_map(|job| FailedAttempt::read(job, sink)).map(|setback| setback.failure).collect()
+    open.filter_map(|job| FailedAttempt::read(job, sink)).map(|attempt| attempt.failure).collect()
 }
 
 #[cfg(not(feature = "cluster"))]
-fn setbacks(_: &[Job], _: &Sink) -> Vec<Failure> {
+fn failed_attempts(_: &[Job], _: &Sink) -> Vec<Failure> {
     Vec::new()
 }
 

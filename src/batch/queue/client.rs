@@ -1,5 +1,5 @@
-//! The courier between a queue and a worker: fetches jobs, keeps them acknowledged as in progress,
-//! reports their results.
+//! The connection of a worker to its queue: fetches jobs, renews their acknowledgement while they
+//! are in progress, reports their outcomes.
 //!
 //! It runs inside an executor while the worker loads, renders and writes on threads of its own.
 
@@ -23,14 +23,14 @@ use crate::manifest::{Job, JobKey, read_manifest};
 
 /// How long the queue is asked to wait for a job.
 const POLL: Duration = Duration::from_secs(2);
-/// Beyond that an answer of the queue does not come any more.
-const NO_ANSWER: Duration = Duration::from_secs(12);
-/// A worker that has said nothing for so long is stuck: its jobs go to another one.
-pub(super) const STUCK: Duration = Duration::from_secs(900);
-/// Pauses between tries to report a result; without a report the queue redelivers the job.
-const PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
-/// How long the last words may take when the worker leaves.
-const FAREWELL: Duration = Duration::from_secs(15);
+/// How long to wait for an answer of the queue.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(12);
+/// A worker without a finished job for this time is stuck. Its jobs go to another one.
+pub(super) const STUCK_AFTER: Duration = Duration::from_secs(900);
+/// Pauses between attempts to report an outcome; without a report the queue redelivers the job.
+const REPORT_PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
+/// How long outstanding reports may take when the worker ends.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// A job that was taken from the queue.
 #[derive(Debug)]
@@ -38,98 +38,100 @@ pub(super) struct TakenJob {
     pub(super) job: Job,
     /// The number of its message in the stream.
     pub(super) message: u64,
-    /// How often it was given to a worker, this time included.
+    /// How often it was delivered to a worker, this time included.
     pub(super) delivered: i64,
 }
 
 /// A message of the worker.
 #[derive(Debug)]
 pub(super) enum WorkerMessage {
-    /// The result of a job.
-    Of(JobKey, JobVerdict),
-    /// This worker had better not go on.
+    /// A job has ended.
+    Ended(JobKey, JobOutcome),
+    /// This worker should end: see [`WorkEnd::Unfit`].
     Unfit,
 }
 
-/// The result of a job.
+/// The outcome of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum JobVerdict {
+pub(super) enum JobOutcome {
     /// Its outputs exist.
     Done,
-    /// It cannot be done.
-    Never,
-    /// It may be done after a pause.
-    Later(Duration),
-    /// It was not begun.
-    Back,
+    /// It failed permanently.
+    Failed,
+    /// It failed; another attempt may follow after this pause.
+    Retry(Duration),
+    /// It was not started.
+    Returned,
 }
 
 /// The outcome of asking the queue for jobs.
 enum FetchedJobs {
     Messages(Vec<Message>),
-    /// None, and whether there is nothing left to do either, by any worker.
-    Nothing {
-        is_over: bool,
+    /// No job waits.
+    Empty {
+        /// No worker has a job in progress either.
+        all_done: bool,
     },
-    /// The consumer was not there any more, or no connection was; here it is again.
-    Again(Box<Consumer<pull::Config>>),
-    Lost(async_nats::Error),
+    /// The consumer was missing, or the connection was lost; this is a new consumer.
+    Reopened(Box<Consumer<pull::Config>>),
+    /// The queue cannot be reached.
+    Unreachable(async_nats::Error),
 }
 
-/// Brings jobs and takes words.
+/// Delivers jobs to the worker, and takes its messages.
 pub(super) struct QueueClient {
     queue: Queue,
     consumer: Consumer<pull::Config>,
     ack_wait: Duration,
     take: usize,
     idle_exit: Option<Duration>,
-    words: Receiver<WorkerMessage>,
+    messages: Receiver<WorkerMessage>,
     stopping: Arc<AtomicBool>,
-    /// Jobs of this worker whose fate the queue does not know.
+    /// Jobs of this worker whose outcome the queue does not know.
     held: HashMap<JobKey, Acker>,
-    /// Those of them that the worker has not got yet.
+    /// Those of them that the worker has not received yet.
     waiting: VecDeque<TakenJob>,
-    settling: JoinSet<()>,
-    last_word: Instant,
+    /// Reports under way.
+    reports: JoinSet<()>,
+    last_progress: Instant,
     idle_since: Instant,
     is_lost: bool,
 }
 
 impl QueueClient {
-    /// Opens the stream and its consumer, which are made where they are not there.
+    /// Opens the stream and its consumer, and creates what is missing.
     pub(super) async fn new(
         queue: &Queue,
         ack_wait: Duration,
         take: usize,
         idle_exit: Option<Duration>,
-        words: Receiver<WorkerMessage>,
+        messages: Receiver<WorkerMessage>,
         stopping: Arc<AtomicBool>,
     ) -> Result<Self, QueueError> {
         let consumer = queue.consumer(ack_wait).await?;
         Ok(Self {
             queue: queue.clone(),
-            // The first worker has said it for all.
+            // The first worker of a stream decides it for all.
             ack_wait: consumer.cached_info().config.ack_wait,
             consumer,
             take,
             idle_exit,
-            words,
+            messages,
             stopping,
             held: HashMap::new(),
             waiting: VecDeque::new(),
-            settling: JoinSet::new(),
-            last_word: Instant::now(),
+            reports: JoinSet::new(),
+            last_progress: Instant::now(),
             idle_since: Instant::now(),
             is_lost: false,
         })
     }
 
-    /// Feeds the worker until `stop` is done, there is nothing left to do, or the worker says that
-    /// it is unfit.
-    pub(super) async fn run(mut self, feed: Sender<TakenJob>, stop: impl Future<Output = ()>) -> WorkEnd {
+    /// Delivers jobs to the worker until `stop` completes, no job is left, or the worker is unfit.
+    pub(super) async fn run(mut self, jobs: Sender<TakenJob>, stop: impl Future<Output = ()>) -> WorkEnd {
         let mut stop = pin!(stop);
-        let mut beat = interval(self.ack_wait / 3);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heartbeat = interval(self.ack_wait / 3);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut fetching: Option<Pin<Box<dyn Future<Output = FetchedJobs> + Send>>> = None;
         let ended = loop {
             if self.waiting.is_empty() && fetching.is_none() {
@@ -138,13 +140,13 @@ impl QueueClient {
             }
             tokio::select! {
                 () = &mut stop => break WorkEnd::Stopped,
-                word = self.words.recv() => match word {
-                    Some(WorkerMessage::Of(job, verdict)) => self.settle(&job, verdict),
+                message = self.messages.recv() => match message {
+                    Some(WorkerMessage::Ended(job, outcome)) => self.end(&job, outcome),
                     Some(WorkerMessage::Unfit) => break WorkEnd::Unfit,
                     None => break WorkEnd::Stopped,
                 },
-                _ = beat.tick() => self.beat().await,
-                room = feed.reserve(), if !self.waiting.is_empty() => {
+                _ = heartbeat.tick() => self.renew().await,
+                room = jobs.reserve(), if !self.waiting.is_empty() => {
                     if let (Ok(room), Some(taken)) = (room, self.waiting.pop_front()) {
                         room.send(taken);
                     }
@@ -157,24 +159,24 @@ impl QueueClient {
                 }
             }
         };
-        drop((fetching, feed));
-        self.leave(beat).await;
+        drop((fetching, jobs));
+        self.shut_down(heartbeat).await;
         ended
     }
 
     /// Receives messages of the queue; returns whether nothing is left to wait for.
     fn receive(&mut self, fetched: FetchedJobs) -> bool {
-        if let FetchedJobs::Lost(reason) = &fetched {
+        if let FetchedJobs::Unreachable(reason) = &fetched {
             if !std::mem::replace(&mut self.is_lost, true) {
-                tracing::warn!("the queue gives no jobs: {reason}; it is asked again");
+                tracing::warn!("the queue does not answer: {reason}; trying again");
             }
             return false;
         }
         self.is_lost = false;
         match fetched {
             FetchedJobs::Messages(messages) => messages.into_iter().for_each(|message| self.take(message)),
-            FetchedJobs::Again(consumer) => self.consumer = *consumer,
-            FetchedJobs::Nothing { is_over: true } if self.held.is_empty() => {
+            FetchedJobs::Reopened(consumer) => self.consumer = *consumer,
+            FetchedJobs::Empty { all_done: true } if self.held.is_empty() => {
                 return self.idle_exit.is_some_and(|patience| self.idle_since.elapsed() >= patience);
             }
             _ => {}
@@ -186,7 +188,7 @@ impl QueueClient {
     fn take(&mut self, message: Message) {
         let (number, delivered) = match message.info() {
             Ok(info) => (info.stream_sequence, info.delivered),
-            Err(_) => return, // no message of a stream
+            Err(_) => return, // not a message of a stream
         };
         let (message, acker) = message.split();
         let job = match read_manifest(&message.payload[..]) {
@@ -198,74 +200,74 @@ impl QueueClient {
             }
         };
         let Some(job) = job else {
-            self.tell(acker, AckKind::Term);
+            self.report(acker, AckKind::Term);
             return;
         };
         if self.held.is_empty() {
-            self.last_word = Instant::now();
+            self.last_progress = Instant::now();
         }
-        // One that comes again while it is here, because signs of life were lost on the way, is not
-        // begun twice.
+        // A renewal can get lost, and the queue then redelivers a job that is in progress here. It is
+        // not started twice.
         if self.held.insert(job.job.clone(), acker).is_none() {
             self.waiting.push_back(TakenJob { job, message: number, delivered });
         }
     }
 
-    /// Reports the result of a job to the queue.
-    fn settle(&mut self, job: &JobKey, verdict: JobVerdict) {
-        self.last_word = Instant::now();
+    /// Reports the outcome of a job to the queue.
+    fn end(&mut self, job: &JobKey, outcome: JobOutcome) {
+        self.last_progress = Instant::now();
         let Some(acker) = self.held.remove(job) else { return };
-        let kind = match verdict {
-            JobVerdict::Done => AckKind::Ack,
-            JobVerdict::Never => AckKind::Term,
-            JobVerdict::Later(pause) => AckKind::Nak(Some(pause)),
-            JobVerdict::Back => AckKind::Nak(None),
+        let kind = match outcome {
+            JobOutcome::Done => AckKind::Ack,
+            JobOutcome::Failed => AckKind::Term,
+            JobOutcome::Retry(pause) => AckKind::Nak(Some(pause)),
+            JobOutcome::Returned => AckKind::Nak(None),
         };
-        self.tell(acker, kind);
+        self.report(acker, kind);
     }
 
-    /// Says it until the queue has heard.
-    fn tell(&mut self, acker: Acker, kind: AckKind) {
-        while self.settling.try_join_next().is_some() {}
-        self.settling.spawn(async move {
-            for pause in PAUSES_S {
+    /// Sends an acknowledgement until the queue confirms it.
+    fn report(&mut self, acker: Acker, kind: AckKind) {
+        while self.reports.try_join_next().is_some() {}
+        self.reports.spawn(async move {
+            for pause in REPORT_PAUSES_S {
                 if acker.double_ack_with(kind).await.is_ok() {
                     return;
                 }
                 sleep(Duration::from_secs(pause)).await;
             }
-            tracing::debug!("the queue does not hear what became of a job, and gives it to another worker");
+            tracing::debug!("the outcome of a job cannot be reported; the queue redelivers the job");
         });
     }
 
-    /// Says of every job that it is in good hands.
-    async fn beat(&self) {
-        if self.last_word.elapsed() > STUCK {
+    /// Renews the acknowledgement of every job in progress.
+    async fn renew(&self) {
+        if self.last_progress.elapsed() > STUCK_AFTER {
             return; // the queue may give them to another worker
         }
         for acker in self.held.values() {
-            // Where there is no connection, the next beat is as good.
+            // Without a connection, the next renewal does.
             let _ = timeout(Duration::from_millis(200), acker.ack_with(AckKind::Progress)).await;
         }
     }
 
-    /// Returns jobs that were not begun, and waits for those in progress.
-    async fn leave(mut self, mut beat: tokio::time::Interval) {
+    /// Returns jobs that were not started, and waits for those in progress.
+    async fn shut_down(mut self, mut heartbeat: tokio::time::Interval) {
         self.stopping.store(true, Ordering::Relaxed);
         for TakenJob { job, .. } in std::mem::take(&mut self.waiting) {
-            self.settle(&job.job, JobVerdict::Back);
+            self.end(&job.job, JobOutcome::Returned);
         }
         loop {
             tokio::select! {
-                word = self.words.recv() => match word {
-                    Some(WorkerMessage::Of(job, verdict)) => self.settle(&job, verdict),
+                message = self.messages.recv() => match message {
+                    Some(WorkerMessage::Ended(job, outcome)) => self.end(&job, outcome),
                     Some(WorkerMessage::Unfit) => {}
                     None => break,
                 },
-                _ = beat.tick() => self.beat().await,
+                _ = heartbeat.tick() => self.renew().await,
             }
         }
-        let _ = timeout(FAREWELL, async { while self.settling.join_next().await.is_some() {} }).await;
+        let _ = timeout(SHUTDOWN_TIMEOUT, async { while self.reports.join_next().await.is_some() {} }).await;
     }
 }
 
@@ -283,7 +285,7 @@ async fn fetch(
     take: usize,
     ack_wait: Duration,
 ) -> FetchedJobs {
-    let asked = timeout(NO_ANSWER, async {
+    let asked = timeout(ANSWER_TIMEOUT, async {
         let there = collect(consumer.fetch().max_messages(take).messages().await?).await?;
         if !there.is_empty() {
             return Ok((there, false));
@@ -296,20 +298,20 @@ async fn fetch(
         Ok::<_, async_nats::Error>((one, info.num_pending == 0 && info.num_ack_pending == 0))
     });
     let reason = match asked.await {
-        Ok(Ok((messages, is_over))) if messages.is_empty() => return FetchedJobs::Nothing { is_over },
+        Ok(Ok((messages, all_done))) if messages.is_empty() => return FetchedJobs::Empty { all_done },
         Ok(Ok((messages, _))) => return FetchedJobs::Messages(messages),
         Ok(Err(error)) => error,
         Err(_) => "it does not answer".into(),
     };
     sleep(Duration::from_secs(1)).await;
-    match timeout(NO_ANSWER, queue.consumer(ack_wait)).await {
-        Ok(Ok(consumer)) => FetchedJobs::Again(Box::new(consumer)),
-        Ok(Err(error)) => FetchedJobs::Lost(error.into()),
-        Err(_) => FetchedJobs::Lost(reason),
+    match timeout(ANSWER_TIMEOUT, queue.consumer(ack_wait)).await {
+        Ok(Ok(consumer)) => FetchedJobs::Reopened(Box::new(consumer)),
+        Ok(Err(error)) => FetchedJobs::Unreachable(error.into()),
+        Err(_) => FetchedJobs::Unreachable(reason),
     }
 }
 
-/// All messages of one answer. What came before an error is not given away.
+/// All messages of one answer. Messages before an error are kept.
 async fn collect(mut batch: pull::Batch) -> Result<Vec<Message>, async_nats::Error> {
     let mut messages = Vec::new();
     while let Some(message) = batch.next().await {
@@ -322,14 +324,14 @@ async fn collect(mut batch: pull::Batch) -> Result<Vec<Message>, async_nats::Err
     Ok(messages)
 }
 
-/// Why a worker left.
+/// Why a worker ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorkEnd {
     /// There was nothing left to do.
     Idle,
     /// A signal stopped it.
     Stopped,
-    /// Several jobs in a row failed in ways that may be its own: others, or it when restarted,
-    /// may do better.
+    /// Several jobs in a row failed in ways that this worker may have caused. Other workers, or this
+    /// one after a restart, may succeed.
     Unfit,
 }

@@ -1,4 +1,4 @@
-//! Failed attempts: records of jobs that a worker began and did not finish, beside their outputs.
+//! Failed attempts: records of jobs that a worker started and did not finish, beside their outputs.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,19 +6,19 @@ use crate::error::Failure;
 use crate::manifest::Job;
 use crate::sink::Sink;
 
-/// A job that was begun and is not done: it failed, or a worker that was killed had it.
+/// A job that was started and is not done: it failed, or its worker was killed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FailedAttempt {
     /// The job, why it is not done, and whether trying again may help.
     #[serde(flatten)]
     pub failure: Failure,
-    /// How often it was begun.
+    /// How often it was started.
     pub tries: u32,
-    /// The message that it came with: submitted again, it is restarted.
+    /// The message of the queue that it came with. A job that is submitted again starts afresh.
     pub message: u64,
 }
 
-/// Largest setback that is read, bytes.
+/// Largest record that is read, bytes.
 const LARGEST: u64 = 1 << 20;
 
 impl FailedAttempt {
@@ -26,7 +26,7 @@ impl FailedAttempt {
         format!("{name}.failed.json")
     }
 
-    /// The setback of this very job, if it has one.
+    /// The record of this job, if it has one.
     #[must_use]
     pub fn read(job: &Job, sink: &Sink) -> Option<Self> {
         let bytes = sink.read(&Self::file_name(&job.name()), LARGEST).ok().flatten()?;
@@ -38,7 +38,7 @@ impl FailedAttempt {
         sink.put(&Self::file_name(&self.failure.name), serde_json::to_vec_pretty(self)?)
     }
 
-    /// Removes that of a job by its series and view.
+    /// Removes the record of a job by its series and view.
     pub(super) fn remove(name: &str, sink: &Sink) -> std::io::Result<()> {
         sink.remove(&Self::file_name(name))
     }
