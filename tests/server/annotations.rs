@@ -357,14 +357,8 @@ async fn ten_thousand_items_are_listed_at_once() {
     let many: Vec<Value> =
         (0..10_000u16).map(|i| point(&format!("p{i}"), [f64::from(i), 0.0, 0.0])).collect();
     stage.create("anna", many.into()).await;
-    let mut best = f64::INFINITY;
-    for _ in 0..5 {
-        let since = std::time::Instant::now();
-        let list = stage.annotate_with(Method::GET, "", &[], Value::Null).await;
-        best = best.min(since.elapsed().as_secs_f64() * 1e3);
-        assert_eq!(list.json()["items"].as_array().unwrap().len(), 10_000);
-    }
-    println!("10,000 items are listed in {best:.1} ms");
+    let list = stage.annotate_with(Method::GET, "", &[], Value::Null).await;
+    assert_eq!(list.json()["items"].as_array().unwrap().len(), 10_000);
 }
 
 #[tokio::test]

@@ -14,7 +14,7 @@ use crate::{
     Surface,
 };
 
-const SIZE_PX: [u32; 2] = [150, 110];
+const SIZE_PX: [u32; 2] = [98, 70];
 
 fn head() -> Volume {
     Phantom::head(64).unwrap().volume
@@ -180,7 +180,7 @@ fn eight_lanes_agree_with_the_reference() {
         let [colors, depths] = apart((&frame.color_rgba, &frame.depth_mm), &twin, 0.05);
         let hits = twin.depth_mm.iter().filter(|mm| mm.is_finite()).count();
         println!("{what}: {colors} colours and {depths} depths of {hits} hits differ");
-        assert!(hits > 1000 && colors <= 16 && depths <= 16, "{what}: {colors}, {depths} of {hits}");
+        assert!(hits > 500 && colors <= 8 && depths <= 8, "{what}: {colors}, {depths} of {hits}");
         if let (Some(back), Some(twin_back)) = (&frame.back, &twin.back) {
             let twin_back = RenderedFrame {
                 color_rgba: twin_back.color_rgba.clone(),
@@ -188,7 +188,7 @@ fn eight_lanes_agree_with_the_reference() {
                 ..twin
             };
             let [colors, depths] = apart((&back.color_rgba, &back.depth_mm), &twin_back, 0.05);
-            assert!(colors <= 16 && depths <= 16, "{what}, behind: {colors}, {depths}");
+            assert!(colors <= 8 && depths <= 8, "{what}, behind: {colors}, {depths}");
         }
     }
 }

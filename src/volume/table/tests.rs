@@ -122,7 +122,7 @@ fn removed_voxels_are_air_and_the_others_as_they_were() {
 #[test]
 fn phantoms_stay_whole() {
     for kind in crate::PhantomKind::ALL {
-        let phantom = crate::PhantomRecipe::new(kind).make();
+        let phantom = crate::PhantomRecipe::new(kind).with_size(96).unwrap().make();
         assert!(Table::find(&phantom.volume).is_none(), "{kind:?}");
         assert_eq!(phantom.volume.without_table().content_hash(), phantom.volume.content_hash());
     }
