@@ -145,21 +145,21 @@ fn a_series_that_is_gone_fails_for_good_and_the_rest_goes_on() {
     // Consecutive jobs of a series share the loaded volume.
     assert_eq!(worked["series_loaded"], 2);
     assert!(!errors.contains("DOE"), "a folder's name may be a patient's: {errors}");
-    let setback = archive.path(&format!("out/{name}/axial.failed.json"));
-    let reported: Value = serde_json::from_slice(&std::fs::read(&setback).unwrap()).unwrap();
+    let record = archive.path(&format!("out/{name}/axial.failed.json"));
+    let reported: Value = serde_json::from_slice(&std::fs::read(&record).unwrap()).unwrap();
     assert_eq!((&reported["kind"], &reported["tries"]), (&"permanent".into(), &1.into()), "{reported}");
     let manifest = archive.text("jobs.jsonl");
     ok(&relief(&["batch", "report", "--manifest", &manifest, "--out", &out]));
     let page = std::fs::read_to_string(archive.path("out/report.html")).unwrap();
     assert!(page.contains("6 of 9 views") && page.contains("Failures"), "{page}");
 
-    // Mended and submitted again, they are done, and no setback is left.
+    // Mended and submitted again, they are done, and no record is left.
     std::fs::rename(&aside, path).unwrap();
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(submitted(&archive, &nats), (9, 0));
     let worked = Worker::start(&archive, &nats, &out, &["--idle-exit", "1"]).end().0;
     assert_eq!((&worked["done"], &worked["skipped"]), (&3.into(), &6.into()));
-    assert!(!setback.exists());
+    assert!(!record.exists());
 }
 
 /// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
@@ -173,10 +173,10 @@ fn temporary_failures_are_retried_a_limited_number_of_times() {
         [0, 3].map(|n| archive.jobs()[n]["series"]["name"].as_str().unwrap().to_owned()).into();
     std::fs::create_dir(archive.path("out")).unwrap();
     // A file where the folder of a series is to be: nothing can be written there, not even the
-    // setback.
+    // record.
     let (first, second) = (archive.path("out").join(&names[0]), archive.path("out").join(&names[1]));
     std::fs::write(&first, b"in the way").unwrap();
-    // A folder where a picture is to be: the picture cannot be written, and the setback can.
+    // A folder where a picture is to be: the picture cannot be written, and the record can.
     std::fs::create_dir_all(second.join("axial.color.png/full")).unwrap();
     submit(&archive, &nats);
     let out = archive.text("out");
@@ -186,9 +186,9 @@ fn temporary_failures_are_retried_a_limited_number_of_times() {
     let (worked, errors) = worker.end();
     assert_eq!((&worked["done"], &worked["failed"]), (&5.into(), &1.into()), "{worked}: {errors}");
     assert!(worked["put_off"].as_u64().unwrap() >= 4, "{worked}: three and one, once or more often");
-    let setback = std::fs::read(second.join("axial.failed.json")).unwrap();
-    let setback: Value = serde_json::from_slice(&setback).unwrap();
-    assert_eq!((&setback["kind"], &setback["tries"]), (&"retryable".into(), &2.into()), "{setback}");
+    let record = std::fs::read(second.join("axial.failed.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!((&record["kind"], &record["tries"]), (&"retryable".into(), &2.into()), "{record}");
 }
 
 /// Invariant: Every job of a queue is done, or given up with a reason, whichever process dies.
@@ -215,15 +215,15 @@ fn a_job_that_kills_its_workers_is_given_up_and_no_other() {
     assert_eq!(submitted(&archive, &nats), (5, 0));
     let out = archive.text("out");
     let more = ["--ack-wait", "1", "--tries", "2", "--take", "5", "--idle-exit", "1"];
-    let setback = archive.path(&format!("out/{name}/endless.failed.json"));
+    let record = archive.path(&format!("out/{name}/endless.failed.json"));
     let tries = || {
-        let reported: Value = serde_json::from_slice(&std::fs::read(&setback).ok()?).unwrap();
+        let reported: Value = serde_json::from_slice(&std::fs::read(&record).ok()?).unwrap();
         Some((reported["kind"].as_str().unwrap().to_owned(), reported["tries"].as_u64().unwrap()))
     };
     // The first time leaves no trace: it was one of several.
     for traced in [None, Some(1), Some(2)] {
         let mut worker = Worker::telling(&archive, &nats, &out, &more, "relief=debug");
-        let begun = format!("begun: {name}/endless");
+        let begun = format!("started: {name}/endless");
         let started = Instant::now();
         while !std::fs::read_to_string(&worker.errors).unwrap().contains(&begun) {
             assert!(started.elapsed() < Duration::from_secs(60), "{traced:?}: not begun");
