@@ -1,5 +1,6 @@
 //! Damaged objects end in a result: never in a panic, an endless loop, or memory that a file only
 //! claims.
+#![allow(clippy::print_stdout, reason = "a test says what it found, in its helpers too")]
 
 use relief_dicom::ReportReadOptions;
 
