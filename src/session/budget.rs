@@ -14,9 +14,9 @@
 use relief_render::{Detail, Mode, Quality, RenderRequest};
 use relief_volume::{ContentHash, Grid};
 
-/// The budget of live sessions for a picture of a view that moves, ms: with encoding beside it, 20
+/// The budget of live sessions for a picture of a view that moves, ms: with encoding beside it, 60
 /// a second.
-pub const INTERACTIVE_MS: f64 = 36.0;
+pub const INTERACTIVE_MS: f64 = 14.0;
 /// Fixed cost of a ray in nominal samples: set-up, depth, read-back. Halving the sample distance made
 /// pictures of three series 1.1 to 1.6 times slower: 650 to 2500 for bone and skin.
 const RAY_SAMPLES: f64 = 768.0;
