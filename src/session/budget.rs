@@ -16,7 +16,11 @@ use relief_volume::{ContentHash, Grid};
 
 /// The budget of live sessions for a picture of a view that moves, ms: with encoding beside it, 60
 /// a second.
-pub const INTERACTIVE_MS: f64 = 14.0;
+const SMOOTH_MS: f64 = 14.0;
+/// The share of width and height for which they take longer ...
+const BLURRED: f64 = 0.3;
+/// ... up to this budget, ms: 25 a second.
+const SHARP_MS: f64 = 36.0;
 /// Fixed cost of a ray in nominal samples: set-up, depth, read-back. Halving the sample distance made
 /// pictures of three series 1.1 to 1.6 times slower: 650 to 2500 for bone and skin.
 const RAY_SAMPLES: f64 = 768.0;
@@ -138,13 +142,32 @@ impl SpeedBook {
         request: &RenderRequest,
         budget_ms: f64,
     ) -> BudgetedRequest {
+        self.reduced(volume, grid, request, |_| budget_ms)
+    }
+
+    /// The request of a view that moves in a live session: 60 pictures a second, or fewer where each
+    /// would have less than three tenths of its width and height.
+    #[must_use]
+    pub fn plan_moving(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> BudgetedRequest {
+        self.reduced(volume, grid, request, |share| if share > BLURRED { SMOOTH_MS } else { SHARP_MS })
+    }
+
+    /// As [`SpeedBook::plan`], with a budget for each share of width and height.
+    fn reduced(
+        &self,
+        volume: ContentHash,
+        grid: &Grid,
+        request: &RenderRequest,
+        budget_ms: impl Fn(f64) -> f64,
+    ) -> BudgetedRequest {
         let expected = |request: &RenderRequest| self.expected_ms(volume, grid, request);
         let wanted = request.path_trace.passes;
         let mut reduced = request.clone();
         let moving = as_moving(request, grid);
-        let steps = STEPS.iter().map(|&(share, factor)| at_step(&moving, share, factor));
-        for tried in std::iter::once(request.clone()).chain(steps) {
+        let steps = STEPS.iter().map(|&(share, factor)| (share, at_step(&moving, share, factor)));
+        for (share, tried) in std::iter::once((1.0, request.clone())).chain(steps) {
             reduced = tried;
+            let budget_ms = budget_ms(share);
             if request.mode == Mode::PathTraced {
                 reduced.path_trace.passes =
                     most_passes(&reduced, wanted, |tried| expected(tried) <= budget_ms);
@@ -314,6 +337,29 @@ mod tests {
         assert_eq!((reduced.reduced_px, reduced.sample_distance_mm), (None, 0.5));
         let expected: Vec<f64> = [0.5, 1.0, 5.0, 20.0, 60.0, 100.0].map(|ms| plan(ms).expected_ms).to_vec();
         assert!(expected.is_sorted(), "a larger budget gives no less: {expected:?}");
+    }
+
+    #[test]
+    fn a_moving_view_is_smooth_unless_its_pictures_would_be_too_small() {
+        let request = request(r#"{"sample_distance_mm": 1}"#);
+        let planned = |whole_ms: f64| {
+            let mut book = SpeedBook::default();
+            book.record(VOLUME, &grid(), &request, 0, whole_ms);
+            let BudgetedRequest { request, expected_ms, .. } = book.plan_moving(VOLUME, &grid(), &request);
+            (request.reduced_px.unwrap_or(request.size_px), expected_ms)
+        };
+        for (whole_ms, size_px, longest_ms) in [
+            (13.0, [800, 400], SMOOTH_MS),
+            (50.0, [400, 200], SMOOTH_MS),
+            (110.0, [280, 140], SMOOTH_MS),
+            (200.0, [240, 120], SHARP_MS), // 0.3² of 200 ms is 18 ms
+            (390.0, [240, 120], SHARP_MS),
+            (500.0, [200, 100], SHARP_MS),
+        ] {
+            let (found_px, expected_ms) = planned(whole_ms);
+            assert!(expected_ms <= longest_ms, "{whole_ms}: {expected_ms}");
+            assert_eq!(found_px, size_px, "{whole_ms}");
+        }
     }
 
     #[test]

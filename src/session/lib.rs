@@ -32,7 +32,7 @@ use relief_volume::{ContentHash, Volume};
 
 pub use backend::{FaultKind, GpuBackend, InjectedFault, OpenRenderer};
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
-pub use budget::{BudgetedRequest, INTERACTIVE_MS, SpeedBook};
+pub use budget::{BudgetedRequest, SpeedBook};
 pub use detail::moving_detail;
 pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};

@@ -178,6 +178,12 @@ impl RenderService {
         lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
     }
 
+    /// The request of a view that moves, see [`SpeedBook::plan_moving`](crate::SpeedBook::plan_moving).
+    #[must_use]
+    pub fn plan_moving(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> BudgetedRequest {
+        lock(&self.shared.speeds).plan_moving(volume, grid, request)
+    }
+
     /// Drops cached data of a volume: its recent frames at once, the backend's data after the
     /// requests before.
     pub fn forget(&self, volume: ContentHash) {

@@ -19,7 +19,7 @@ use super::view::View;
 use super::views::Views;
 use super::{LiveError, lock};
 use crate::engine::Engine;
-use crate::{Drawables, INTERACTIVE_MS, Origin, Rendered, ServiceError, moving_detail};
+use crate::{Drawables, Origin, Rendered, ServiceError, moving_detail};
 use relief_live::{Quality, ServerMessage, StateMessage};
 use relief_render::RenderRequest;
 
@@ -193,11 +193,12 @@ fn moving(engine: &Engine, job: &FrameJob) -> RenderRequest {
     if job.activity == Activity::Moving {
         request.detail = moving_detail(&request, &job.entry.grid);
     }
-    let budget_ms = match job.quality {
-        Quality::Auto => INTERACTIVE_MS,
-        Quality::Budget { budget_ms } => budget_ms,
+    let (service, hash, grid) = (&engine.service, job.entry.hash, &job.entry.grid);
+    let planned = match job.quality {
+        Quality::Auto => service.plan_moving(hash, grid, &request),
+        Quality::Budget { budget_ms } => service.plan(hash, grid, &request, budget_ms),
     };
-    let mut planned = engine.service.plan(job.entry.hash, &job.entry.grid, &request, budget_ms).request;
+    let mut planned = planned.request;
     if job.keeps_size {
         return planned; // enlarged before overlays are drawn
     }

@@ -14,9 +14,7 @@ use relief_annotation::{Change, Edit, Item};
 use relief_display::{DisplaySettings, Picture};
 use relief_live::{ColorFormat, DepthFormat, encode_color, encode_d8};
 use relief_render::{RenderRequest, RenderedFrame, Renderer, Scene};
-use relief_session::{
-    FileFormat, INTERACTIVE_MS, Product, QueueConfig, RenderService, encode, moving_detail,
-};
+use relief_session::{FileFormat, Product, QueueConfig, RenderService, encode, moving_detail};
 use relief_store::Store;
 use relief_volume::Volume;
 
@@ -205,10 +203,8 @@ impl Bench<'_> {
         if moving {
             request.illumination.shadows = 0.0;
             request.detail = moving_detail(&request, self.volume.grid());
-            request = self
-                .service
-                .plan(self.volume.content_hash(), self.volume.grid(), &request, INTERACTIVE_MS)
-                .request;
+            request =
+                self.service.plan_moving(self.volume.content_hash(), self.volume.grid(), &request).request;
             request.size_px = request.reduced_px.take().unwrap_or(request.size_px);
         }
         request
