@@ -281,7 +281,12 @@ mod tests {
                     let (front, most) = (shares[0][0], largest(shares.iter().map(|share| share[1])));
                     let what = format!("{sizes:?}, {vertical_fov_deg}, {elevation_deg}: {front}, {most}");
                     // 90 % from the front, or nearly the edge from elsewhere.
-                    let allowed = if vertical_fov_deg > 60.0 { 0.03 } else { 0.01 };
+                    // The mean of two needs is not exact for wide lenses: see `needed_from_front`.
+                    let allowed = match vertical_fov_deg {
+                        ..=22.0 => 6e-3,
+                        ..=60.0 => 0.01,
+                        _ => 0.03,
+                    };
                     assert!(front < Framing::COVERAGE + allowed && most < Framing::REACH + 1e-3, "{what}");
                     let is_tight = front > Framing::COVERAGE - allowed || most > Framing::REACH - 5e-3;
                     assert!(is_tight, "{what}");
