@@ -195,26 +195,38 @@ def item(instance):
 asked = pydicom.Dataset()
 asked.TransactionUID = "1.2.3.4"
 asked.ReferencedSOPSequence = [item(known.SOPInstanceUID), item("1.2.3.99")]
-reported, seen = threading.Event(), {}
-def on_report(event):
-    told = event.event_information
-    seen.update(event=event.event_type, transaction=str(told.TransactionUID),
-        kept=[one.ReferencedSOPInstanceUID == known.SOPInstanceUID for one in told.ReferencedSOPSequence],
-        failed=[[str(one.ReferencedSOPInstanceUID), one.FailureReason] for one in told.FailedSOPSequence])
-    reported.set()
-    return 0x0000, None
-ae = AE(ae_title="SCANNER")
-ae.add_requested_context(COMMITMENT)
-ae.add_requested_context("1.2.840.10008.1.1")
-association = ae.associate("127.0.0.1", port, ae_title="RELIEF", evt_handlers=[(evt.EVT_N_EVENT_REPORT, on_report)])
-status, _ = association.send_n_action(asked, 1, COMMITMENT, INSTANCE)
-seen["status"] = status.Status
-seen["is_reported"] = reported.wait(20)
-bad = pydicom.Dataset()
-bad.TransactionUID = ""
-seen["bad"] = association.send_n_action(bad, 1, COMMITMENT, INSTANCE)[0].Status
-seen["echo"] = association.send_c_echo().Status
-association.release()
+def dialogue():
+    reported, seen = threading.Event(), {}
+    def on_report(event):
+        told = event.event_information
+        seen.update(event=event.event_type, transaction=str(told.TransactionUID),
+            kept=[one.ReferencedSOPInstanceUID == known.SOPInstanceUID for one in told.ReferencedSOPSequence],
+            failed=[[str(one.ReferencedSOPInstanceUID), one.FailureReason] for one in told.FailedSOPSequence])
+        reported.set()
+        return 0x0000, None
+    ae = AE(ae_title="SCANNER")
+    ae.dimse_timeout = 10
+    ae.add_requested_context(COMMITMENT)
+    ae.add_requested_context("1.2.840.10008.1.1")
+    handlers = [(evt.EVT_N_EVENT_REPORT, on_report)]
+    association = ae.associate("127.0.0.1", port, ae_title="RELIEF", evt_handlers=handlers)
+    seen["status"] = association.send_n_action(asked, 1, COMMITMENT, INSTANCE)[0].get("Status")
+    seen["is_reported"] = reported.wait(20)
+    bad = pydicom.Dataset()
+    bad.TransactionUID = ""
+    seen["bad"] = association.send_n_action(bad, 1, COMMITMENT, INSTANCE)[0].get("Status")
+    seen["echo"] = association.send_c_echo().get("Status")
+    association.release()
+    return seen
+# On a busy machine, the reactor of pynetdicom 3.0.4 can take a response from the call that waits for it:
+# it counts as paused until it has passed its checkpoint. The call then ends without a status.
+for attempt in range(5):
+    try:
+        seen = dialogue()
+    except RuntimeError:  # the association was aborted, see above
+        continue
+    if None not in (seen["status"], seen["bad"], seen["echo"]):
+        break
 print(json.dumps(seen))
 "#;
 

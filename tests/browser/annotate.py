@@ -64,15 +64,20 @@ def placing(page, server):
     return found
 
 
+def logged(server, action):
+    """Does something that changes annotations, and waits until the server has the change: for 10 s at most."""
+    before = server.annotations()["seq"]
+    action()
+    for _ in range(200):
+        if server.annotations()["seq"] > before:
+            return
+        time.sleep(0.05)
+
+
 def undoing(page, server):
     counts = [len(server.annotations()["items"])]
     for keys in ["Control+z", "Control+z", "Control+Shift+z", "Control+Shift+z"]:
-        before = server.annotations()["seq"]
-        page.key(keys)
-        for _ in range(100):
-            if server.annotations()["seq"] > before:
-                break
-            time.sleep(0.05)
+        logged(server, lambda: page.key(keys))
         counts.append(len(server.annotations()["items"]))
     page.wait_row("Line 1")
     page.key("g")
@@ -105,26 +110,28 @@ def editing(page, server):
             page.page.mouse.move(start[0] + dx * step / 5, start[1] + dy * step / 5)
             page.page.wait_for_timeout(20)
         page.page.mouse.up()
-        page.page.wait_for_timeout(400)
 
     drag(40, 0)
+    page.page.wait_for_timeout(400)
     found["not_in_look"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
     page.page.click('.item[data-name="Point 2"] .item-main')
     page.still()
     page.key("e")
-    drag(40, -20)
+    logged(server, lambda: drag(40, -20))
     found["after"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
-    page.key("Control+z")
     page.page.wait_for_timeout(400)
-    page.key("k")
+    logged(server, lambda: page.key("Control+z"))
+    page.page.wait_for_timeout(400)
+    logged(server, lambda: page.key("k"))
     page.page.wait_for_timeout(400)
     page.page.click('.item[data-name="Point 2"] .item-main')
     page.still()
     drag(40, 0)
+    page.page.wait_for_timeout(400)
     found["locked"] = server.item("Point 2")["item"]
     found["said"] = page.page.inner_text("#notice")
     page.page.locator("#items").focus()
-    page.key("k")
+    logged(server, lambda: page.key("k"))
     page.page.wait_for_timeout(400)
     page.key("v")
     return found

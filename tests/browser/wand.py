@@ -71,15 +71,14 @@ def view_of(window):
 
 
 def settled(window):
-    """The view when it rests."""
-    last = None
+    """The view when it has not changed for 750 ms."""
+    views = [None]
     for _ in range(100):
-        now = view_of(window)
-        if now == last:
-            return now
-        last = now
+        views = [*views[-3:], view_of(window)]
+        if views.count(views[-1]) == 4:
+            break
         window.page.wait_for_timeout(250)
-    return last
+    return views[-1]
 
 
 def driven(browser, server):
@@ -201,7 +200,7 @@ def tracked(browser, server):
 
 
 #: A SpaceMouse behind WebHID, as a script: window.cap(id, numbers) is a report. window.reportTimes(id) are the
-#: times of the reports with this number, s.
+#: times of the reports with this number, s. The clock stands still while the page takes a report.
 CAP = """
   const times = {};
   window.reportTimes = (reportId) => times[reportId];
@@ -212,8 +211,11 @@ CAP = """
   Object.defineProperty(navigator, "hid", { value: hid });
   window.cap = (reportId, numbers) => {
     const data = new DataView(reportId === 3 ? Uint8Array.from(numbers).buffer : Int16Array.from(numbers).buffer);
-    (times[reportId] ??= []).push(performance.now() / 1000);
+    const now = performance.now();
+    (times[reportId] ??= []).push(now / 1000);
+    performance.now = () => now;
     device.dispatchEvent(Object.assign(new Event("inputreport"), { reportId, data }));
+    delete performance.now;
   };
 """
 
