@@ -3,6 +3,8 @@
 //! Spaces: cell index, x fastest; distances in mm. Outside of the volume there is nothing: a set that
 //! reaches its faces has no end there.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::Volume;
@@ -54,9 +56,16 @@ impl Component {
         self.runs.iter().for_each(|&[start, end]| set[start as usize..end as usize].fill(true));
     }
 
-    /// Its cells, ascending.
-    pub(crate) fn cells(&self) -> impl Iterator<Item = usize> {
-        self.runs.iter().flat_map(|&[start, end]| start as usize..end as usize)
+    /// The runs of its cells, ascending: within one row each.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Range<usize>> {
+        self.runs_in(0..usize::MAX)
+    }
+
+    /// Those of its runs that begin with one of these cells.
+    pub(crate) fn runs_in(&self, cells: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+        let [first, end] =
+            [cells.start, cells.end].map(|cell| self.runs.partition_point(|run| (run[0] as usize) < cell));
+        self.runs[first..end].iter().map(|&[start, end]| start as usize..end as usize)
     }
 }
 
@@ -91,45 +100,52 @@ impl CellGrid {
             let (first, slab) = (row % self.dims[1] * self.edges[1], row / self.dims[1]);
             let slab = &volume.voxels_hu()[slab * slab_voxels..];
             let slab = &slab[..slab.len().min(slab_voxels)];
-            // How many of each column's voxels count, so that rows are added whole.
+            // How many of each column's voxels count, so that rows are added whole: 16 bits as the values have.
             let mut counts = [const { Vec::new() }; N];
-            counts.iter_mut().for_each(|counts| counts.resize(nx, 0u32));
+            counts.iter_mut().for_each(|counts| counts.resize(nx, 0u16));
             for layer in slab.chunks_exact(nx * ny) {
                 for values in layer.chunks_exact(nx).skip(first).take(self.edges[1]) {
                     for (counts, level) in counts.iter_mut().zip(levels) {
-                        let counted = values.iter().map(|&value| u32::from(value >= level.hu));
-                        counts.iter_mut().zip(counted).for_each(|(count, one)| *count += one);
+                        let counted = values.iter().map(|&value| u16::from(value >= level.hu));
+                        counts
+                            .iter_mut()
+                            .zip(counted)
+                            .for_each(|(count, one)| *count = count.saturating_add(one));
                     }
                 }
             }
             for level in 0..N {
-                let counts = counts[level].chunks(self.edges[0]).map(|counts| counts.iter().sum::<u32>());
+                let columns = counts[level].chunks(self.edges[0]);
+                let counts = columns.map(|counts| counts.iter().map(|&count| u32::from(count)).sum::<u32>());
                 for (bits, count) in cells.iter_mut().zip(counts) {
                     *bits |= u8::from(count >= least[level]) << level;
                 }
             }
         });
-        std::array::from_fn(|level| found.iter().map(|bits| bits >> level & 1 == 1).collect())
+        std::array::from_fn(|level| {
+            found.par_iter().with_min_len(1 << 16).map(|bits| bits >> level & 1 == 1).collect()
+        })
     }
 
     /// The cells within `mm` of a set, between middles of cells.
     pub(crate) fn within(&self, set: &[bool], mm: f64) -> Vec<bool> {
-        self.grown(set, mm, |squared| squared <= (mm * mm) as f32)
+        self.grown(set, true, mm, |squared| squared <= (mm * mm) as f32)
     }
 
     /// The cells of a set that are farther than `mm` from all cells outside it.
     pub(crate) fn deeper_than(&self, set: &[bool], mm: f64) -> Vec<bool> {
-        inverse(&self.within(&inverse(set), mm))
+        self.grown(set, false, mm, |squared| squared <= (mm * mm) as f32)
     }
 
     /// The cells of a set that are at least `mm` from all cells outside it.
     pub(crate) fn at_least_deep(&self, set: &[bool], mm: f64) -> Vec<bool> {
-        inverse(&self.grown(&inverse(set), mm, |squared| squared < (mm * mm) as f32))
+        self.grown(set, false, mm, |squared| squared < (mm * mm) as f32)
     }
 
-    /// The cells at squared distances, mm², for which `is_near` holds from a set; they are at most
-    /// `most_mm` long. Rows of the set are widened along i, and joined along j and k.
-    fn grown(&self, set: &[bool], most_mm: f64, is_near: impl Fn(f32) -> bool) -> Vec<bool> {
+    /// A set after its cells that are `grown`, or those outside it, grew to all cells at squared
+    /// distances, mm², for which `is_near` holds; they are at most `most_mm` long. Rows are widened along
+    /// i, and joined along j and k, in words of 64 cells: fresh memory costs more than the arithmetic.
+    fn grown(&self, set: &[bool], grown: bool, most_mm: f64, is_near: impl Fn(f32) -> bool) -> Vec<bool> {
         let [nx, ny, nz] = self.dims;
         let reach: [usize; 3] = self.spacing_mm.map(|side_mm| (most_mm / side_mm) as usize);
         let squared = |axis: usize, by: usize| (by as f64 * self.spacing_mm[axis]).powi(2) as f32;
@@ -140,38 +156,31 @@ impl CellGrid {
         let near = |j: usize| (0..=reach[2]).map(move |k| [j, k]);
         let rows = (0..=reach[1]).flat_map(near);
         let rows: Vec<_> = rows.filter_map(|[j, k]| width(j, k).map(|width| (width, [j, k]))).collect();
-        let mut widened = vec![Vec::new(); reach[0] + 1];
-        for &(width, _) in &rows {
-            if widened[width].is_empty() {
-                widened[width] = self.widened(set, width);
-            }
+        let row_words = nx.div_ceil(64);
+        let mut widened = vec![packed(set, nx, grown)];
+        for by in 0..rows.iter().map(|(width, _)| *width).max().unwrap_or(0) {
+            widened.push(wider(&widened[by], row_words));
         }
-        let mut grown = vec![false; set.len()];
-        grown.par_chunks_exact_mut(nx).enumerate().for_each(|(row, out)| {
-            let (j, k) = (row % ny, row / ny);
-            for &(width, by) in &rows {
-                for j in beside(j, by[0], ny) {
-                    for k in beside(k, by[1], nz) {
-                        let from = &widened[width][(k * ny + j) * nx..][..nx];
-                        out.iter_mut().zip(from).for_each(|(out, from)| *out |= from);
+        let mut result = vec![!grown; set.len()];
+        result.par_chunks_exact_mut(nx).enumerate().with_min_len(64).for_each_init(
+            || vec![0u64; row_words],
+            |words, (row, out)| {
+                let (j, k) = (row % ny, row / ny);
+                words.fill(0);
+                for &(width, by) in &rows {
+                    for j in beside(j, by[0], ny) {
+                        for k in beside(k, by[1], nz) {
+                            let from = &widened[width][(k * ny + j) * row_words..][..row_words];
+                            words.iter_mut().zip(from).for_each(|(word, from)| *word |= from);
+                        }
                     }
                 }
-            }
-        });
-        grown
-    }
-
-    /// The cells at most `by` cells along i from a set.
-    fn widened(&self, set: &[bool], by: usize) -> Vec<bool> {
-        let nx = self.dims[0];
-        let mut wide = set.to_vec();
-        wide.par_chunks_exact_mut(nx).zip(set.par_chunks_exact(nx)).for_each(|(out, row)| {
-            for by in 1..=by.min(nx - 1) {
-                out.iter_mut().zip(&row[by..]).for_each(|(out, from)| *out |= from);
-                out[by..].iter_mut().zip(row).for_each(|(out, from)| *out |= from);
-            }
-        });
-        wide
+                for (out, word) in out.chunks_mut(64).zip(words).filter(|(_, word)| **word != 0) {
+                    out.iter_mut().enumerate().for_each(|(at, out)| *out = (*word >> at & 1 == 1) == grown);
+                }
+            },
+        );
+        result
     }
 
     /// The components of a set, by their first cells; cells touch by a face, or also by edges and
@@ -179,12 +188,7 @@ impl CellGrid {
     pub(crate) fn components(&self, set: &[bool], by_corners: bool) -> Vec<Component> {
         let rows: Vec<Vec<Run>> =
             set.par_chunks_exact(self.dims[0]).enumerate().map(|(row, cells)| runs(row, cells)).collect();
-        let starts: Vec<usize> = std::iter::once(0)
-            .chain(rows.iter().scan(0, |sum, runs| {
-                *sum += runs.len();
-                Some(*sum)
-            }))
-            .collect();
+        let starts = starts(&rows);
         let mut parents: Vec<u32> = (0..starts[rows.len()] as u32).collect();
         for row in 0..rows.len() {
             for before in self.rows_before(row, by_corners).into_iter().flatten() {
@@ -249,7 +253,39 @@ impl CellGrid {
 }
 
 fn inverse(set: &[bool]) -> Vec<bool> {
-    set.iter().map(|is_in| !is_in).collect()
+    set.par_iter().with_min_len(1 << 16).map(|is_in| !is_in).collect()
+}
+
+/// The cells of rows that are, or are not, in a set: a bit each. Rows begin with a word.
+fn packed(set: &[bool], row_cells: usize, is_in: bool) -> Vec<u64> {
+    let row_words = row_cells.div_ceil(64);
+    let mut words = vec![0u64; set.len() / row_cells * row_words];
+    words.par_chunks_exact_mut(row_words).zip(set.par_chunks_exact(row_cells)).with_min_len(64).for_each(
+        |(words, cells)| {
+            for (word, cells) in words.iter_mut().zip(cells.chunks(64)) {
+                let bits = cells.iter().enumerate();
+                *word = bits.fold(0, |word, (at, cell)| word | u64::from(*cell == is_in) << at);
+            }
+        },
+    );
+    words
+}
+
+/// Rows with the cells beside theirs, too.
+fn wider(rows: &[u64], row_words: usize) -> Vec<u64> {
+    let mut wide = vec![0u64; rows.len()];
+    for (out, row) in wide.chunks_exact_mut(row_words).zip(rows.chunks_exact(row_words)) {
+        for (at, word) in row.iter().enumerate() {
+            out[at] |= word | word << 1 | word >> 1;
+            if at > 0 {
+                out[at - 1] |= word << 63;
+            }
+            if at + 1 < row_words {
+                out[at + 1] |= word >> 63;
+            }
+        }
+    }
+    wide
 }
 
 /// The places at a distance from one, before and behind it.
@@ -268,6 +304,15 @@ fn runs(row: usize, cells: &[bool]) -> Vec<Run> {
         at = end;
     }
     runs
+}
+
+/// The number of each row's first run, and how many runs there are.
+fn starts(rows: &[Vec<Run>]) -> Vec<usize> {
+    let ends = rows.iter().scan(0, |sum, runs| {
+        *sum += runs.len();
+        Some(*sum)
+    });
+    std::iter::once(0).chain(ends).collect()
 }
 
 /// Joins the runs of two rows that touch, `apart` cells between the rows' starts; runs touch that
@@ -312,27 +357,31 @@ pub(crate) enum Edges {
 
 /// One layer with its holes filled.
 pub(crate) fn filled_layer(layer: &[bool], [nx, ny]: [usize; 2], edges: Edges) -> Vec<bool> {
-    let mut is_outside = vec![false; layer.len()];
-    let mut open: Vec<usize> = Vec::new();
-    let mut reach = |cell: usize, open: &mut Vec<usize>| {
-        if !layer[cell] && !std::mem::replace(&mut is_outside[cell], true) {
-            open.push(cell);
-        }
-    };
-    (0..nx).flat_map(|i| [i, i + nx * (ny - 1)]).for_each(|cell| reach(cell, &mut open));
-    let sides = if edges == Edges::All { 0..ny } else { 0..0 };
-    sides.flat_map(|j| [nx * j, nx * j + nx - 1]).for_each(|cell| reach(cell, &mut open));
-    while let Some(cell) = open.pop() {
-        let (i, j) = (cell % nx, cell / nx);
-        let beside = [
-            (i > 0).then(|| cell - 1),
-            (i + 1 < nx).then_some(cell + 1),
-            (j > 0).then(|| cell - nx),
-            (j + 1 < ny).then_some(cell + nx),
-        ];
-        beside.into_iter().flatten().for_each(|cell| reach(cell, &mut open));
+    let is_empty = inverse(layer);
+    let rows: Vec<Vec<Run>> =
+        is_empty.chunks_exact(nx).enumerate().map(|(row, cells)| runs(row, cells)).collect();
+    let starts = starts(&rows);
+    let mut parents: Vec<u32> = (0..starts[ny] as u32).collect();
+    for row in 1..ny {
+        let (rows, starts) = ([&rows[row - 1][..], &rows[row]], [starts[row - 1], starts[row]]);
+        join_touching(rows, starts, nx as u32, 0, &mut parents);
     }
-    is_outside.into_iter().map(|is_outside| !is_outside).collect()
+    let mut is_outside = vec![false; parents.len()];
+    let mut filled = vec![true; layer.len()];
+    let all = || rows.iter().enumerate().flat_map(|(row, runs)| runs.iter().map(move |run| (row, *run)));
+    for (at, (row, run)) in all().enumerate() {
+        let [first, last] = [run[0], run[1] - 1].map(|cell| cell as usize - row * nx);
+        let is_at_side = edges == Edges::All && (first == 0 || last == nx - 1);
+        if row == 0 || row == ny - 1 || is_at_side {
+            is_outside[root(&mut parents, at as u32) as usize] = true;
+        }
+    }
+    for (at, (_, [first, end])) in all().enumerate() {
+        if is_outside[root(&mut parents, at as u32) as usize] {
+            filled[first as usize..end as usize].fill(false);
+        }
+    }
+    filled
 }
 
 #[cfg(test)]
@@ -347,20 +396,27 @@ mod tests {
 
     #[test]
     fn sets_grow_and_shrink_by_exact_distances() {
-        let seeds = [[2.0, 3.0, 1.0], [7.0, 0.0, 4.0]];
-        let near = set(|at| seeds.iter().any(|seed| at.map(|n| n as f64) == *seed));
-        for mm in [0.0, 1.0, 2.0, 2.5, 3.0, 6.0, 7.1] {
-            let grown = GRID.within(&near, mm);
-            let rest = inverse(&near);
-            let (deeper, at_least) = (GRID.deeper_than(&rest, mm), GRID.at_least_deep(&rest, mm));
-            for cell in 0..near.len() {
-                let [i, j, k] = GRID.place(cell).map(|n| n as f64);
-                let to =
-                    |[a, b, c]: [f64; 3]| (i - a).powi(2) + (2.0 * (j - b)).powi(2) + (3.0 * (k - c)).powi(2);
-                let squared = to(seeds[0]).min(to(seeds[1]));
-                assert_eq!(grown[cell], squared <= mm * mm, "{mm} mm, {squared}");
-                assert_eq!(deeper[cell], squared > mm * mm, "{mm} mm, {squared}");
-                assert_eq!(at_least[cell], squared >= mm * mm, "{mm} mm, {squared}");
+        let seeds = [[2.0, 3.0, 1.0], [7.0, 0.0, 4.0], [64.0, 2.0, 2.0], [100.0, 5.0, 0.0]];
+        // Rows of one word and of three.
+        for grid in [GRID, CellGrid { dims: [130, 7, 5], ..GRID }] {
+            let cells = 0..grid.dims.iter().product();
+            let is_near = |cell: usize| seeds.contains(&grid.place(cell).map(|n| n as f64));
+            let near: Vec<bool> = cells.clone().map(is_near).collect();
+            let rest: Vec<bool> = near.iter().map(|is_in| !is_in).collect();
+            for mm in [0.0, 1.0, 2.0, 2.5, 3.0, 6.0, 7.1] {
+                let grown = grid.within(&near, mm);
+                let (deeper, at_least) = (grid.deeper_than(&rest, mm), grid.at_least_deep(&rest, mm));
+                for cell in cells.clone() {
+                    let [i, j, k] = grid.place(cell).map(|n| n as f64);
+                    let to = |[a, b, c]: [f64; 3]| {
+                        (i - a).powi(2) + (2.0 * (j - b)).powi(2) + (3.0 * (k - c)).powi(2)
+                    };
+                    let inside = seeds.iter().filter(|seed| seed[0] < grid.dims[0] as f64);
+                    let squared = inside.map(|seed| to(*seed)).fold(f64::INFINITY, f64::min);
+                    assert_eq!(grown[cell], squared <= mm * mm, "{mm} mm, {squared}");
+                    assert_eq!(deeper[cell], squared > mm * mm, "{mm} mm, {squared}");
+                    assert_eq!(at_least[cell], squared >= mm * mm, "{mm} mm, {squared}");
+                }
             }
         }
     }
@@ -408,7 +464,7 @@ mod tests {
             for component in GRID.components(&random, by_corners) {
                 let start = left.iter().position(|is_left| *is_left).unwrap();
                 let flood = flooded(&mut left, start, by_corners);
-                assert_eq!(component.cells().collect::<Vec<_>>(), flood, "{turn}");
+                assert_eq!(component.runs().flatten().collect::<Vec<_>>(), flood, "{turn}");
                 assert_eq!(component.len(), flood.len());
             }
             assert!(!left.contains(&true));

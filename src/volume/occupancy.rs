@@ -162,7 +162,7 @@ impl Cells<'_> {
         let largest = groups.iter().map(Component::len).max().unwrap_or(0);
         let least = share * largest as f64;
         for group in groups.iter().filter(|group| (group.len() as f64) < least) {
-            group.cells().for_each(|cell| self.is_in[cell] = false);
+            group.runs().for_each(|run| self.is_in[run].fill(false));
         }
         self
     }

@@ -52,7 +52,8 @@ impl Table {
         let levels = [Level { hu: TISSUE_HU, of_voxels: 3 }, Level { hu: SHEET_HU, of_voxels: 6 }];
         let [tissue, mut sheets] = grid.at_least(volume, levels);
         let body = body(&grid, &tissue)?;
-        let rest: Vec<bool> = tissue.iter().zip(&body).map(|(tissue, body)| *tissue && !body).collect();
+        let rest = tissue.par_iter().zip(&body).with_min_len(1 << 16);
+        let rest: Vec<bool> = rest.map(|(tissue, body)| *tissue && !body).collect();
         let beside_body = grid.within(&body, MARGIN_MM);
         let (mut table, mut kept) = (vec![false; rest.len()], body);
         for piece in grid.components(&rest, true) {
@@ -77,7 +78,8 @@ impl Table {
             }
         }
         let around = grid.within(&table, SURROUNDINGS_MM);
-        let is_table = around.into_iter().zip(kept).map(|(around, kept)| around && !kept).collect();
+        let is_table = around.into_par_iter().zip(kept).with_min_len(1 << 16);
+        let is_table = is_table.map(|(around, kept)| around && !kept).collect();
         Some(Self { grid, is_table })
     }
 
@@ -94,8 +96,10 @@ impl Table {
         let [nx, ny, _] = volume.grid().dims();
         let [ex, ey, ez] = self.grid.edges;
         let [cx, cy, _] = self.grid.dims;
-        let mut values: Vec<i16> = volume.voxels_hu().par_iter().copied().collect();
-        values.par_chunks_exact_mut(nx).enumerate().for_each(|(row, values)| {
+        let mut values = vec![0; volume.voxels_hu().len()];
+        let rows = values.par_chunks_exact_mut(nx).zip(volume.voxels_hu().par_chunks_exact(nx));
+        rows.enumerate().for_each(|(row, (values, from))| {
+            values.copy_from_slice(from);
             let (j, k) = (row % ny / ey, row / ny / ez);
             let cells = &self.is_table[cx * (j + cy * k)..][..cx];
             for (run, _) in values.chunks_mut(ex).zip(cells).filter(|(_, is_table)| **is_table) {
@@ -117,8 +121,8 @@ fn body(grid: &CellGrid, tissue: &[bool]) -> Option<Vec<bool>> {
             part.join(&mut seeds);
         }
     }
-    let near = grid.within(&seeds, SKIN_MM);
-    let near: Vec<bool> = near.into_iter().zip(tissue).map(|(near, tissue)| near && *tissue).collect();
+    let mut near = grid.within(&seeds, SKIN_MM);
+    near.par_iter_mut().zip(tissue).with_min_len(1 << 16).for_each(|(near, tissue)| *near &= tissue);
     let mut body = vec![false; near.len()];
     // Connected by tissue: a shell below a gap of air is no skin.
     for part in grid.components(&near, false) {
@@ -148,28 +152,39 @@ fn is_hollow(grid: &CellGrid, object: &Component) -> bool {
     if sides_mm[0].min(sides_mm[1]) < LEAST_SIDE_MM || object.len() < box_cells / 100 {
         return false;
     }
-    let mut layers = vec![vec![false; sides[0] * sides[1]]; last[2] + 1 - first[2]];
-    for cell in object.cells() {
-        let [i, j, k] = grid.place(cell);
-        layers[k - first[2]][i - first[0] + sides[0] * (j - first[1])] = true;
-    }
-    let is_round = |layer: &&Vec<bool>| {
-        let filled = filled_layer(layer, sides, Edges::All);
+    let layer = |k: usize| {
+        let mut layer = vec![false; sides[0] * sides[1]];
+        for run in object.runs_in(k * grid.layer_cells()..(k + 1) * grid.layer_cells()) {
+            let [i, j, _] = grid.place(run.start);
+            let start = i - first[0] + sides[0] * (j - first[1]);
+            layer[start..start + run.len()].fill(true);
+        }
+        layer
+    };
+    let is_round = |layer: Vec<bool>| {
+        let filled = filled_layer(&layer, sides, Edges::All);
         let count = |set: &[bool]| set.iter().filter(|is_in| **is_in).count();
-        let along = |axis: usize| {
-            let at = |cell: usize| if axis == 0 { cell % sides[0] } else { cell / sides[0] };
-            let places = filled.iter().enumerate().filter(|(_, is_in)| **is_in).map(|(cell, _)| at(cell));
-            let (low, high) = places.fold((usize::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
-            (high + 1).saturating_sub(low)
-        };
-        let (wide, high) = (along(0), along(1));
+        let [wide, high] = extent(&filled, sides[0]);
         let [wide_mm, high_mm] = [wide as f64 * grid.spacing_mm[0], high as f64 * grid.spacing_mm[1]];
-        count(&filled) >= 2 * count(layer)
+        count(&filled) >= 2 * count(&layer)
             && 2 * count(&filled) >= wide * high
             && wide_mm.min(high_mm) >= LEAST_SIDE_MM
             && wide_mm.min(high_mm) >= 0.4 * wide_mm.max(high_mm)
     };
-    layers.iter().filter(is_round).count() as f64 * grid.spacing_mm[2] >= LEAST_LENGTH_MM
+    let round = (first[2]..=last[2]).into_par_iter().filter(|&k| is_round(layer(k))).count();
+    round as f64 * grid.spacing_mm[2] >= LEAST_LENGTH_MM
+}
+
+/// Width and height of the box around a layer's cells.
+fn extent(layer: &[bool], width: usize) -> [usize; 2] {
+    let (mut columns, mut rows) = ([usize::MAX, 0], [usize::MAX, 0]);
+    for (j, row) in layer.chunks_exact(width).enumerate() {
+        let Some(first) = row.iter().position(|is_in| *is_in) else { continue };
+        let last = row.iter().rposition(|is_in| *is_in).unwrap_or(first);
+        columns = [columns[0].min(first), columns[1].max(last + 1)];
+        rows = [rows[0].min(j), j + 1];
+    }
+    [columns, rows].map(|[low, high]| high.saturating_sub(low))
 }
 
 #[cfg(test)]
