@@ -183,9 +183,9 @@ impl Measures {
     fn of(volume: &Volume) -> Option<Self> {
         let body = Body::of(volume)?;
         let ml = body.grid.spacing_mm.iter().product::<f64>() / 1000.0;
-        let count = |is_in: &dyn Fn(usize, Cell) -> bool| {
-            let cells = body.cells.iter().enumerate().filter(|(at, _)| body.is_body[*at]);
-            cells.filter(|(at, cell)| is_in(*at, **cell)).count() as f64 * ml
+        let count = |is_in: &(dyn Fn(usize, Cell) -> bool + Sync)| {
+            let cells = body.cells.par_iter().enumerate().with_min_len(1 << 14);
+            cells.filter(|(at, cell)| body.is_body[*at] && is_in(*at, **cell)).count() as f64 * ml
         };
         let between = |low: f32, high: f32| count(&|_, cell| cell.mean > low && cell.mean < high);
         let brain = body.enclosed_by_bone();
@@ -287,7 +287,8 @@ fn cells(volume: &Volume, grid: &CellGrid) -> Vec<Cell> {
     let [nx, ny, _] = volume.grid().dims();
     let steps = grid.edges.map(|edge| edge.div_ceil(2).max(1));
     let layer = |slab: &[i16]| {
-        let mut sums = vec![([0.0f64; 2], 0u32, i16::MIN); grid.layer_cells()];
+        // Whole numbers: sum, sum of squares, count, and the highest value.
+        let mut sums = vec![([0i64; 2], 0u32, i16::MIN); grid.layer_cells()];
         for (row, values) in slab.chunks_exact(nx).enumerate() {
             let (j, k) = (row % ny, row / ny);
             let is_sampled = (j % grid.edges[1]).is_multiple_of(steps[1]) && k.is_multiple_of(steps[2]);
@@ -301,8 +302,8 @@ fn cells(volume: &Volume, grid: &CellGrid) -> Vec<Cell> {
                 .zip(values.chunks(grid.edges[0]))
             {
                 for &hu in run.iter().step_by(steps[0]) {
-                    *sum += f64::from(hu);
-                    *squares += f64::from(hu).powi(2);
+                    *sum += i64::from(hu);
+                    *squares += i64::from(hu).pow(2);
                     *count += 1;
                     *highest = (*highest).max(hu);
                 }
@@ -310,8 +311,8 @@ fn cells(volume: &Volume, grid: &CellGrid) -> Vec<Cell> {
         }
         sums.into_iter().map(|([sum, squares], count, highest)| {
             let count = f64::from(count.max(1));
-            let mean = sum / count;
-            let deviation = (squares / count - mean * mean).max(0.0).sqrt();
+            let mean = sum as f64 / count;
+            let deviation = (squares as f64 / count - mean * mean).max(0.0).sqrt();
             Cell { mean: mean as f32, deviation: deviation as f32, highest }
         })
     };

@@ -67,18 +67,19 @@ impl BrickRanges {
 
     /// The distance map of the bricks for which `is_visible(low, high)` holds.
     #[must_use]
-    pub fn distance_map(&self, is_visible: impl Fn(i16, i16) -> bool) -> DistanceMap {
+    pub fn distance_map(&self, is_visible: impl Fn(i16, i16) -> bool + Sync) -> DistanceMap {
         self.distance_map_by(|_, low, high| is_visible(low, high))
     }
 
     /// As [`BrickRanges::distance_map`], of the bricks for which `is_visible(brick, low, high)`
     /// holds; bricks are numbered x fastest.
     #[must_use]
-    pub fn distance_map_by(&self, is_visible: impl Fn(usize, i16, i16) -> bool) -> DistanceMap {
+    pub fn distance_map_by(&self, is_visible: impl Fn(usize, i16, i16) -> bool + Sync) -> DistanceMap {
         let start = |(brick, &(low, high)): (usize, &(i16, i16))| {
             if is_visible(brick, low, high) { 0 } else { u8::MAX }
         };
-        let mut distances: Vec<u8> = self.ranges_hu.iter().enumerate().map(start).collect();
+        let bricks = self.ranges_hu.par_iter().enumerate().with_min_len(1 << 12);
+        let mut distances: Vec<u8> = bricks.map(start).collect();
         sweep(&mut distances, self.dims);
         // The map is symmetric, so the backward sweep is the forward one on the reversed array.
         distances.reverse();
@@ -88,29 +89,29 @@ impl BrickRanges {
     }
 }
 
-/// The ranges of one layer of bricks.
+/// The ranges of one layer of bricks. The rows that meet a row of bricks are joined first, whole, and
+/// then cut into bricks.
 fn layer(volume: &Volume, edge: usize, dims: [usize; 3], c: usize) -> Vec<(i16, i16)> {
     let [nx, ny, nz] = volume.grid().dims();
-    let mut ranges = vec![(i16::MAX, i16::MIN); dims[0] * dims[1]];
-    let planes = c * edge..((c + 1) * edge + 1).min(nz);
-    for row in planes.flat_map(|k| (0..ny).map(move |j| (k * ny + j, j))) {
-        let (row, j) = row;
-        let values = &volume.voxels_hu()[row * nx..(row + 1) * nx];
-        // A row on the far face of a brick belongs to the next brick too.
-        let bricks = (j.saturating_sub(1) / edge..=j / edge).filter(|&b| j <= (b + 1) * edge);
-        for b in bricks {
-            fold_row(&mut ranges[b * dims[0]..(b + 1) * dims[0]], values, edge);
+    let voxels = |brick: usize, n: usize| brick * edge..((brick + 1) * edge + 1).min(n);
+    let mut ranges = Vec::with_capacity(dims[0] * dims[1]);
+    let (mut low, mut high) = (vec![i16::MAX; nx], vec![i16::MIN; nx]);
+    for b in 0..dims[1] {
+        low.fill(i16::MAX);
+        high.fill(i16::MIN);
+        for (k, j) in voxels(c, nz).flat_map(|k| voxels(b, ny).map(move |j| (k, j))) {
+            let row = &volume.voxels_hu()[(k * ny + j) * nx..][..nx];
+            for ((low, high), &hu) in low.iter_mut().zip(&mut high).zip(row) {
+                (*low, *high) = ((*low).min(hu), (*high).max(hu));
+            }
         }
+        ranges.extend((0..dims[0]).map(|a| {
+            let along = voxels(a, nx);
+            let lowest = low[along.clone()].iter().fold(i16::MAX, |least, &hu| least.min(hu));
+            (lowest, high[along].iter().fold(i16::MIN, |most, &hu| most.max(hu)))
+        }));
     }
     ranges
-}
-
-fn fold_row(ranges: &mut [(i16, i16)], values: &[i16], edge: usize) {
-    for (a, range) in ranges.iter_mut().enumerate() {
-        for &hu in &values[a * edge..((a + 1) * edge + 1).min(values.len())] {
-            *range = (range.0.min(hu), range.1.max(hu));
-        }
-    }
 }
 
 /// One forward sweep of a chamfer transform over all 26 neighbours at distance 1: exact for
@@ -139,11 +140,10 @@ fn sweep(distances: &mut [u8], [nx, ny, nz]: [usize; 3]) {
 
 /// Lowers each distance to one more than the nearest of the three neighbours in another row.
 fn take_nearer(row: &mut [u8], other: &[u8]) {
-    let last = row.len() - 1;
-    for i in 0..row.len() {
-        let nearest = other[i].min(other[i.saturating_sub(1)]).min(other[(i + 1).min(last)]);
-        row[i] = row[i].min(nearest.saturating_add(1));
-    }
+    let farther = |other: &u8| other.saturating_add(1);
+    row.iter_mut().zip(other).for_each(|(own, other)| *own = (*own).min(farther(other)));
+    row.iter_mut().zip(&other[1..]).for_each(|(own, other)| *own = (*own).min(farther(other)));
+    row[1..].iter_mut().zip(other).for_each(|(own, other)| *own = (*own).min(farther(other)));
 }
 
 #[cfg(test)]

@@ -104,8 +104,10 @@ impl Volume {
         if voxels_hu.len() != expected {
             return Err(VoxelCountError { dims: grid.dims(), expected, found: voxels_hu.len() });
         }
-        let range_hu =
-            voxels_hu.iter().fold((i16::MAX, i16::MIN), |(low, high), &v| (low.min(v), high.max(v)));
+        let none = (i16::MAX, i16::MIN);
+        let wider = |(low, high): (i16, i16), (lower, higher)| (low.min(lower), high.max(higher));
+        let range = |voxels: &[i16]| voxels.iter().fold(none, |range, &hu| wider(range, (hu, hu)));
+        let range_hu = voxels_hu.par_chunks(1 << 16).map(range).reduce(|| none, wider);
         Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, derived: Arc::default() })
     }
 

@@ -125,18 +125,24 @@ fn visible_bands(is_visible: impl Fn(i16, i16) -> bool) -> u64 {
     visible.fold(0, |bits, band| bits | 1 << band)
 }
 
-/// The bands of one layer of cells.
-fn layer(slab: &[i16], voxels: [usize; 3], &CellGrid { edges, dims, .. }: &CellGrid) -> Vec<u64> {
-    let mut bands = vec![0u64; dims[0] * dims[1]];
-    for (row, values) in slab.chunks_exact(voxels[0]).enumerate() {
-        let cells = &mut bands[row % voxels[1] / edges[1] * dims[0]..][..dims[0]];
-        for (cell, run) in cells.iter_mut().zip(values.chunks(edges[0])) {
-            *cell |= run.iter().fold(0, |bits, &hu| bits | 1 << band_of(hu));
+/// The bands of one layer of cells: of the columns of each row of cells first, and then of the cells.
+fn layer(slab: &[i16], [nx, ny, _]: [usize; 3], &CellGrid { edges, dims, .. }: &CellGrid) -> Vec<u64> {
+    let mut bands = Vec::with_capacity(dims[0] * dims[1]);
+    let mut columns = vec![0u64; nx];
+    for first in (0..ny).step_by(edges[1]) {
+        columns.fill(0);
+        let rows = first * nx..(first + edges[1]).min(ny) * nx;
+        for row in slab.chunks_exact(nx * ny).flat_map(|plane| plane[rows.clone()].chunks_exact(nx)) {
+            for (column, &hu) in columns.iter_mut().zip(row) {
+                *column |= 1 << band_of(hu);
+            }
         }
+        bands.extend(columns.chunks(edges[0]).map(|columns| columns.iter().fold(0, |all, bits| all | bits)));
     }
     bands
 }
 
+/// The number of a value's band.
 fn band_of(hu: i16) -> u32 {
     let above = hu.saturating_sub(LOWEST_HU).max(0) as u32;
     (above / BAND_HU as u32).min(BANDS as u32 - 1)
