@@ -86,7 +86,7 @@ impl EmptyCause {
     /// Why a request's picture shows nothing, if it does so. Clips and segments are judged where the
     /// subject has an occupancy.
     fn of(request: &RenderRequest, subject: &Subject<'_>, (low, high): (i16, i16)) -> Self {
-        let Some(occupancy) = subject.occupancy else { return Self::Camera };
+        let Some(occupancy) = subject.content.occupancy() else { return Self::Camera };
         let visible = occupancy.cells(|low, high| is_visible(request, low, high));
         if visible.points(subject.grid).is_empty() {
             return Self::Transfer([low, high]);

@@ -107,7 +107,8 @@ pub use refine::Refinement;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{
-    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, preset_json, shading_json, transfer_json,
+    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, SubjectContent, preset_json, shading_json,
+    transfer_json,
 };
 pub use skipping::EmptySpaceSkipping;
 pub use store::{MemoryUse, VolumeLimits};

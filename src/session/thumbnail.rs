@@ -137,9 +137,7 @@ mod tests {
     #[test]
     fn every_preset_has_a_small_scene_in_its_own_mode_and_light() {
         for preset in PRESETS {
-            let subject =
-                Subject { grid: &grid(), occupancy: None, tissue: None, anatomy: None, labels: None };
-            let scene = thumbnail_scene(preset, &subject, THUMBNAIL_SIZE_PX).unwrap();
+            let scene = thumbnail_scene(preset, &Subject::of_grid(&grid()), THUMBNAIL_SIZE_PX).unwrap();
             assert_eq!(scene.request.size_px, THUMBNAIL_SIZE_PX);
             assert_eq!(scene.request.transfer, preset.transfer());
             assert_eq!(scene.request.shading.ambient, preset.light[0], "{}", preset.name);

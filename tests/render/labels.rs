@@ -40,10 +40,7 @@ fn resolved(volume: &Volume, map: &Arc<LabelMap>, json: &str) -> RenderRequest {
         false => Orbit { azimuth_deg: 31.0, elevation_deg: 17.0, zoom: 1.2, vertical_fov_deg: 25.0 },
     };
     scene
-        .resolve_for(
-            &Subject { grid: volume.grid(), occupancy: None, tissue: None, anatomy: None, labels: Some(map) },
-            &orbit,
-        )
+        .resolve_for(&Subject { labels: Some(map), ..Subject::of_grid(volume.grid()) }, &orbit)
         .unwrap()
         .request
 }
@@ -351,10 +348,7 @@ fn refused(json: &str, map: Option<&Arc<LabelMap>>) -> String {
     let scene = SceneFile::parse(json.as_bytes());
     let (grid, _) = striped();
     let resolved = scene.and_then(|scene| {
-        scene.resolve_for(
-            &Subject { grid: &grid, occupancy: None, tissue: None, anatomy: None, labels: map },
-            &Orbit::default(),
-        )
+        scene.resolve_for(&Subject { labels: map, ..Subject::of_grid(&grid) }, &Orbit::default())
     });
     resolved.map(|scene| scene.request.labels).expect_err(json).to_string()
 }

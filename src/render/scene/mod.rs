@@ -11,6 +11,7 @@ mod overlays;
 mod parts;
 mod shading;
 mod slice;
+mod subject;
 mod surfaces;
 mod transfer;
 mod whole;
@@ -40,10 +41,11 @@ use super::table_rule::TableRule;
 use crate::request_error::RequestError;
 use relief_annotation::ShownSets;
 use relief_display::DisplaySettings;
-use relief_volume::{Anatomy, CameraFile, Framing, Grid, LabelMap, Occupancy, Orbit, Volume};
+use relief_volume::{Anatomy, CameraFile, Framing, Grid, Orbit};
 
 pub use error::SceneError;
 pub use slice::{SliceFile, SlicePlane};
+pub use subject::{Subject, SubjectContent};
 pub use written::{preset_json, shading_json, transfer_json};
 
 /// A picture to render and how to show it.
@@ -99,37 +101,6 @@ impl Scene {
                 Err(RequestError::new("size_px", &format!("{} x {}", found[0], found[1]), &allowed).into())
             }
             _ => Ok(()),
-        }
-    }
-}
-
-/// The volume that a scene is resolved for.
-#[derive(Clone, Copy, Debug)]
-pub struct Subject<'a> {
-    /// The grid of the volume.
-    pub grid: &'a Grid,
-    /// Where the volume has which values, its table left out. Without it a camera that was not written is fitted to the
-    /// bounding sphere, as for [`FramingRule::Volume`].
-    pub occupancy: Option<&'a Occupancy>,
-    /// [`framing_of_tissue`](super::framing::framing_of_tissue), if it is known already.
-    pub tissue: Option<&'a Framing>,
-    /// Which part of a body it shows: it chooses the preset, or the window of a slice, where the scene
-    /// has no transfer function. Without it that is the first preset.
-    pub anatomy: Option<Anatomy>,
-    /// A label map on the grid.
-    pub labels: Option<&'a Arc<LabelMap>>,
-}
-
-impl<'a> Subject<'a> {
-    /// A volume, and its label map where it has one.
-    #[must_use]
-    pub fn of(volume: &'a Volume, labels: Option<&'a Arc<LabelMap>>) -> Self {
-        Self {
-            grid: volume.grid(),
-            occupancy: Some(volume.without_table().occupancy()),
-            tissue: None,
-            anatomy: Some(volume.without_table().anatomy()),
-            labels,
         }
     }
 }
@@ -371,8 +342,7 @@ impl SceneFile {
     /// # Errors
     /// As [`SceneFile::resolve_for`].
     pub fn resolve(self, grid: &Grid, orbit: &Orbit) -> Result<Scene, SceneError> {
-        let (occupancy, tissue, anatomy, labels) = (None, None, None, None);
-        self.resolve_for(&Subject { grid, occupancy, tissue, anatomy, labels }, orbit)
+        self.resolve_for(&Subject::of_grid(grid), orbit)
     }
 
     /// The complete scene for a volume: parts that were not written get their defaults, and a camera
@@ -383,7 +353,7 @@ impl SceneFile {
     /// # Errors
     /// The first value out of range, with the key's path, the value and the allowed range.
     pub fn resolve_for(self, subject: &Subject<'_>, orbit: &Orbit) -> Result<Scene, SceneError> {
-        let Subject { grid, occupancy, tissue, anatomy, labels: map } = *subject;
+        let Subject { grid, content, labels: map } = *subject;
         self.display.validate()?;
         parts::expect_no_cursor(&self.display)?;
         expect_budget(self.budget_ms)?;
@@ -409,7 +379,8 @@ impl SceneFile {
             }
         };
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
-        let chosen = anatomy.filter(|_| self.transfer.is_none() && (is_slice || has_look(self.mode)));
+        let chooses = self.transfer.is_none() && (is_slice || has_look(self.mode));
+        let chosen = if chooses { content.anatomy() } else { None };
         let (transfer, preset) = resolve_transfer(self.transfer, windows, chosen)?;
         let mode = slice.map_or_else(
             || self.mode.unwrap_or_else(|| default_mode(preset)),
@@ -443,9 +414,10 @@ impl SceneFile {
             path_trace: self.path_trace.unwrap_or_default().resolve(),
         };
         request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
-        if let Some(occupancy) = occupancy.filter(|_| !has_own_view) {
-            request.camera =
-                around(&framing(frame, occupancy, tissue, &request, grid)).map_err(RequestError::from)?;
+        let is_fitted = !has_own_view && frame != FramingRule::Volume;
+        if let Some(occupancy) = is_fitted.then(|| content.occupancy()).flatten() {
+            let framing = framing(frame, occupancy, content.tissue(), &request, grid);
+            request.camera = around(&framing).map_err(RequestError::from)?;
         }
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;

@@ -18,7 +18,7 @@ use relief_display::DisplaySettings;
 use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
     Clip, ClipPlane, FramingRule, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest,
-    RequestError, Scene, SceneFile, Subject, depth_limits,
+    RequestError, Scene, SceneFile, depth_limits,
 };
 use relief_volume::{Camera, Orbit, PRESETS, preset};
 
@@ -315,8 +315,7 @@ fn resolve(
     file = file.with_display(display.with_cursor(None));
     file = size_px.map_or(file.clone(), |size_px| file.with_size(size_px));
     // The camera is the view's own, so this one is not fitted.
-    let subject = Subject { occupancy: None, ..entry.subject() };
-    let scene = file.resolve_for(&subject, &Orbit::default())?;
+    let scene = file.resolve_for(&entry.subject_without_fit(), &Orbit::default())?;
     scene.expect_size_of_layout()?;
     let pixels = scene.request.size_px.into_iter().map(u64::from).product::<u64>();
     if pixels > MAX_PIXELS {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::voxels::{VolumeReader, Voxels};
 use relief_annotation::FrameOfReference;
 use relief_dicom::{SeriesIdentity, SeriesReference};
-use relief_render::{Subject, framing_of_tissue};
+use relief_render::{Subject, SubjectContent, framing_of_tissue};
 use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Volume};
 
 /// A volume as its reader returns it.
@@ -121,11 +121,19 @@ impl VolumeEntry {
     pub fn subject(&self) -> Subject<'_> {
         Subject {
             grid: &self.grid,
-            occupancy: Some(&self.occupancy),
-            tissue: Some(&self.framing),
-            anatomy: Some(self.anatomy),
+            content: self.content(Some(&self.occupancy)),
             labels: self.labels.as_ref(),
         }
+    }
+
+    /// The volume for scenes whose camera is replaced: theirs is not fitted.
+    #[must_use]
+    pub fn subject_without_fit(&self) -> Subject<'_> {
+        Subject { content: self.content(None), ..self.subject() }
+    }
+
+    fn content<'a>(&'a self, occupancy: Option<&'a Occupancy>) -> SubjectContent<'a> {
+        SubjectContent::Known { occupancy, tissue: &self.framing, anatomy: self.anatomy }
     }
 
     /// Its name for people: the body part and the size. Descriptions of series may name patients;

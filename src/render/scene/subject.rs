@@ -1,0 +1,80 @@
+//! The volume that a scene is resolved for, and what is known of its values.
+//!
+//! Spaces: voxel index and patient mm; values in HU.
+
+use std::sync::Arc;
+
+use relief_volume::{Anatomy, Framing, Grid, LabelMap, Occupancy, Volume};
+
+/// The volume that a scene is resolved for.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The grid of the volume.
+    pub grid: &'a Grid,
+    /// What is known of its values.
+    pub content: SubjectContent<'a>,
+    /// A label map on the grid.
+    pub labels: Option<&'a Arc<LabelMap>>,
+}
+
+/// What is known of a volume's values, its table left out.
+#[derive(Clone, Copy, Debug)]
+pub enum SubjectContent<'a> {
+    /// Nothing: a camera that was not written is fitted to the bounding sphere, as for
+    /// [`FramingRule::Volume`](super::super::framing::FramingRule::Volume), and a transfer function
+    /// that was not written is the first preset, or a usual window.
+    Unknown,
+    /// The values: whatever a scene needs is computed.
+    Volume(&'a Volume),
+    /// What was computed before; the values may be out of memory.
+    Known {
+        /// Where the volume has which values; `None` fits cameras as for [`SubjectContent::Unknown`].
+        occupancy: Option<&'a Occupancy>,
+        /// [`framing_of_tissue`](super::super::framing::framing_of_tissue).
+        tissue: &'a Framing,
+        /// Which part of a body it shows: it chooses the preset, or the window of a slice.
+        anatomy: Anatomy,
+    },
+}
+
+impl<'a> Subject<'a> {
+    /// A volume, and its label map where it has one.
+    #[must_use]
+    pub fn of(volume: &'a Volume, labels: Option<&'a Arc<LabelMap>>) -> Self {
+        Self { grid: volume.grid(), content: SubjectContent::Volume(volume), labels }
+    }
+
+    /// A grid of which nothing else is known.
+    #[must_use]
+    pub fn of_grid(grid: &'a Grid) -> Self {
+        Self { grid, content: SubjectContent::Unknown, labels: None }
+    }
+}
+
+impl<'a> SubjectContent<'a> {
+    /// Where the volume has which values.
+    pub(in super::super) fn occupancy(self) -> Option<&'a Occupancy> {
+        match self {
+            Self::Unknown => None,
+            Self::Volume(volume) => Some(volume.without_table().occupancy()),
+            Self::Known { occupancy, .. } => occupancy,
+        }
+    }
+
+    /// The framing of the tissue, if it was computed before.
+    pub(super) fn tissue(self) -> Option<&'a Framing> {
+        match self {
+            Self::Known { tissue, .. } => Some(tissue),
+            Self::Unknown | Self::Volume(_) => None,
+        }
+    }
+
+    /// Which part of a body the volume shows.
+    pub(super) fn anatomy(self) -> Option<Anatomy> {
+        match self {
+            Self::Unknown => None,
+            Self::Volume(volume) => Some(volume.without_table().anatomy()),
+            Self::Known { anatomy, .. } => Some(anatomy),
+        }
+    }
+}
