@@ -32,7 +32,7 @@ use self::transfer::{TransferFile, Windows, resolve_transfer};
 use self::whole::Whole;
 use super::classification::Classification;
 use super::detail::Detail;
-use super::framing::{FramingRule, framing};
+use super::framing::FramingRule;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
 use super::quality::Quality;
@@ -414,9 +414,7 @@ impl SceneFile {
             path_trace: self.path_trace.unwrap_or_default().resolve(),
         };
         request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
-        let is_fitted = !has_own_view && frame != FramingRule::Volume;
-        if let Some(occupancy) = is_fitted.then(|| content.occupancy()).flatten() {
-            let framing = framing(frame, occupancy, content.tissue(), &request, grid);
+        if let Some(framing) = (!has_own_view).then(|| subject.framing(frame, &request)).flatten() {
             request.camera = around(&framing).map_err(RequestError::from)?;
         }
         request.validate_on(grid)?;

@@ -4,6 +4,8 @@
 
 use std::sync::Arc;
 
+use super::super::framing::{FramingRule, framing};
+use super::super::request::RenderRequest;
 use relief_volume::{Anatomy, Framing, Grid, LabelMap, Occupancy, Volume};
 
 /// The volume that a scene is resolved for.
@@ -49,6 +51,14 @@ impl<'a> Subject<'a> {
     pub fn of_grid(grid: &'a Grid) -> Self {
         Self { grid, content: SubjectContent::Unknown, labels: None }
     }
+
+    /// What a camera is fitted to; `None` for the bounding sphere.
+    pub(super) fn framing(&self, rule: FramingRule, request: &RenderRequest) -> Option<Arc<Framing>> {
+        if rule == FramingRule::Volume {
+            return None;
+        }
+        Some(framing(rule, self.content.occupancy()?, self.content.tissue(), request, self.grid))
+    }
 }
 
 impl<'a> SubjectContent<'a> {
@@ -62,7 +72,7 @@ impl<'a> SubjectContent<'a> {
     }
 
     /// The framing of the tissue, if it was computed before.
-    pub(super) fn tissue(self) -> Option<&'a Framing> {
+    fn tissue(self) -> Option<&'a Framing> {
         match self {
             Self::Known { tissue, .. } => Some(tissue),
             Self::Unknown | Self::Volume(_) => None,
