@@ -1,4 +1,4 @@
-//! The volume that a scene is resolved for, and what is known of its values.
+//! The subject of a scene: a volume's grid, the properties of its values, and its label map.
 //!
 //! Spaces: voxel index and patient mm; values in HU.
 
@@ -13,22 +13,22 @@ use relief_volume::{Anatomy, Framing, Grid, LabelMap, Occupancy, Volume};
 pub struct Subject<'a> {
     /// The grid of the volume.
     pub grid: &'a Grid,
-    /// What is known of its values.
+    /// The properties of its values.
     pub content: SubjectContent<'a>,
     /// A label map on the grid.
     pub labels: Option<&'a Arc<LabelMap>>,
 }
 
-/// What is known of a volume's values, its table left out.
+/// The source of a volume's occupancy and anatomy. The table is left out.
 #[derive(Clone, Copy, Debug)]
 pub enum SubjectContent<'a> {
-    /// Nothing: a camera that was not written is fitted to the bounding sphere, as for
-    /// [`FramingRule::Volume`](super::super::framing::FramingRule::Volume), and a transfer function
-    /// that was not written is the first preset, or a usual window.
+    /// Neither is available: a camera that was not written is fitted to the bounding sphere, as for
+    /// [`FramingRule::Volume`], and a transfer function that was not written is the first preset, or a
+    /// usual window.
     Unknown,
-    /// The values: whatever a scene needs is computed.
+    /// A volume: both are computed when a scene needs them.
     Volume(&'a Volume),
-    /// What was computed before; the values may be out of memory.
+    /// Results of an earlier computation. The voxels need not be in memory.
     Known {
         /// Where the volume has which values; `None` fits cameras as for [`SubjectContent::Unknown`].
         occupancy: Option<&'a Occupancy>,
