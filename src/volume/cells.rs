@@ -100,7 +100,8 @@ impl CellGrid {
             let (first, slab) = (row % self.dims[1] * self.edges[1], row / self.dims[1]);
             let slab = &volume.voxels_hu()[slab * slab_voxels..];
             let slab = &slab[..slab.len().min(slab_voxels)];
-            // How many of each column's voxels count, so that rows are added whole: 16 bits as the values have.
+            // Counts of each column's voxels, so that whole rows are added. They saturate at 65535, which
+            // takes voxels of 0.008 mm.
             let mut counts = [const { Vec::new() }; N];
             counts.iter_mut().for_each(|counts| counts.resize(nx, 0u16));
             for layer in slab.chunks_exact(nx * ny) {
@@ -142,9 +143,10 @@ impl CellGrid {
         self.grown(set, false, mm, |squared| squared < (mm * mm) as f32)
     }
 
-    /// A set after its cells that are `grown`, or those outside it, grew to all cells at squared
-    /// distances, mm², for which `is_near` holds; they are at most `most_mm` long. Rows are widened along
-    /// i, and joined along j and k, in words of 64 cells: fresh memory costs more than the arithmetic.
+    /// Grows the cells of a set (`grown` is true), or the cells outside it, and returns the set
+    /// afterwards. Growth reaches the squared distances, mm², for which `is_near` holds, and at most
+    /// `most_mm`. Rows are widened along i and joined along j and k, in words of 64 cells: fresh memory
+    /// costs more than the arithmetic.
     fn grown(&self, set: &[bool], grown: bool, most_mm: f64, is_near: impl Fn(f32) -> bool) -> Vec<bool> {
         let [nx, ny, nz] = self.dims;
         let reach: [usize; 3] = self.spacing_mm.map(|side_mm| (most_mm / side_mm) as usize);
