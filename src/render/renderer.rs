@@ -16,6 +16,7 @@ use super::store::{MemoryUse, VolumeLimits};
 use super::table_mark;
 use super::watch::{Progress, Watch};
 use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, adapters, has_card};
+use relief_lanes::Level;
 use relief_volume::{ContentHash, Volume};
 
 /// Renders requests. Lives on one thread; a volume is prepared on first use.
@@ -72,7 +73,14 @@ impl Renderer {
     /// graphics adapter, where there is one.
     #[must_use]
     pub fn on_processor() -> Self {
-        let processor = Processor::new();
+        Self::on_processor_with(Level::widest())
+    }
+
+    /// As [`Renderer::on_processor`], with these vector instructions. Pictures have the same bytes with
+    /// every set.
+    #[must_use]
+    pub fn on_processor_with(instructions: Level) -> Self {
+        let processor = Processor::new(instructions);
         Self {
             adapter: processor.description(),
             processor: Some(processor),

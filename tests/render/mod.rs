@@ -18,6 +18,7 @@ mod illumination;
 mod instruments;
 mod isosurfaces;
 mod labels;
+mod lanes;
 mod memory;
 mod modes;
 mod overlays;

@@ -50,9 +50,6 @@ mod surfaces;
 mod tiles;
 mod walk;
 
-#[cfg(test)]
-mod tests;
-
 use relief_lanes::Level;
 
 use super::bands::Bands;
@@ -81,13 +78,8 @@ pub(super) struct Processor {
 }
 
 impl Processor {
-    pub(super) fn new() -> Self {
-        Self {
-            level: Level::widest(),
-            cache: Cache::default(),
-            unfinished: None,
-            bands: Bands::of_processor(),
-        }
+    pub(super) fn new(level: Level) -> Self {
+        Self { level, cache: Cache::default(), unfinished: None, bands: Bands::of_processor() }
     }
 
     /// The processor in words.

@@ -1,18 +1,16 @@
 //! The eight lanes against the reference, level against level, and skipping against none.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use relief_base::{Point, Vector};
 use relief_lanes::levels;
-use relief_volume::{GradientOpacity, LabelMap, Orbit, Phantom, Segment, Window, preset};
-
-use super::*;
-use crate::light::{Light, Placement};
-use crate::request::DepthRule;
-use crate::{
-    ChosenBlocks, Classification, Clip, ClipPlane, ClipSphere, Edges, Labels, Look, SceneFile, SlabBlend,
-    Surface,
+use relief_render::{
+    ChosenBlocks, Classification, Clip, ClipPlane, ClipSphere, DepthRule, Edges, EmptySpaceSkipping, Labels,
+    Light, Look, Mode, Placement, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, SceneFile,
+    SlabBlend, Surface, left_by_processor, render_reference,
 };
+use relief_volume::{GradientOpacity, LabelMap, Orbit, Phantom, Segment, Volume, Window, preset};
 
 const SIZE_PX: [u32; 2] = [98, 70];
 
@@ -145,20 +143,10 @@ fn looks(volume: &Volume) -> Vec<(String, RenderRequest)> {
     requests
 }
 
-fn cast(processor: &mut Processor, volume: &Volume, request: &RenderRequest) -> RenderedFrame {
-    cast_with(processor, volume, request, EmptySpaceSkipping::On)
-}
-
-fn cast_with(
-    processor: &mut Processor,
-    volume: &Volume,
-    request: &RenderRequest,
-    skipping: EmptySpaceSkipping,
-) -> RenderedFrame {
+/// A picture that the processor casts alone.
+fn cast(renderer: &mut Renderer, volume: &Volume, request: &RenderRequest) -> RenderedFrame {
     assert_eq!(left_by_processor(volume, request), None);
-    let mut goes_on = |_| std::ops::ControlFlow::Continue(());
-    let limits = VolumeLimits::of_processor();
-    processor.cast(volume, request, skipping, &limits, &mut Watch::new(&mut goes_on)).unwrap()
+    renderer.render(volume, request).unwrap()
 }
 
 /// Pixels whose colours differ by more than one, and whose depths differ by more than a distance.
@@ -176,7 +164,7 @@ fn eight_lanes_agree_with_the_reference() {
     let volume = head();
     for (what, request) in requests(&volume) {
         let twin = render_reference(&volume, &request).unwrap();
-        let frame = cast(&mut Processor::new(), &volume, &request);
+        let frame = cast(&mut Renderer::on_processor(), &volume, &request);
         let [colors, depths] = apart((&frame.color_rgba, &frame.depth_mm), &twin, 0.05);
         let hits = twin.depth_mm.iter().filter(|mm| mm.is_finite()).count();
         println!("{what}: {colors} colours and {depths} depths of {hits} hits differ");
@@ -199,12 +187,11 @@ fn eight_lanes_agree_with_the_reference() {
 fn every_level_and_skipping_give_the_same_bytes() {
     let volume = head();
     for (what, request) in requests(&volume) {
-        let frame = cast(&mut Processor::new(), &volume, &request);
-        let all = cast_with(&mut Processor::new(), &volume, &request, EmptySpaceSkipping::Off);
+        let frame = cast(&mut Renderer::on_processor(), &volume, &request);
+        let all = Renderer::on_processor().render_with(&volume, &request, EmptySpaceSkipping::Off).unwrap();
         assert!(frame.color_rgba == all.color_rgba && frame.depth_mm == all.depth_mm, "{what}: skipping");
         for level in levels() {
-            let mut processor = Processor { level, ..Processor::new() };
-            let other = cast(&mut processor, &volume, &request);
+            let other = cast(&mut Renderer::on_processor_with(level), &volume, &request);
             assert!(
                 frame.color_rgba == other.color_rgba && frame.depth_mm == other.depth_mm,
                 "{what}: {}",
@@ -218,16 +205,14 @@ fn every_level_and_skipping_give_the_same_bytes() {
 fn a_picture_is_cancelled_between_bands() {
     let volume = head();
     let (_, request) = requests(&volume).remove(0);
-    let mut processor = Processor::new();
-    processor.set_band_pixels(1);
+    let mut renderer = Renderer::on_processor();
+    renderer.set_band_pixels(1);
     let mut bands = 0;
-    let mut goes_on = |progress: crate::Progress| {
+    let mut goes_on = |progress: Progress| {
         bands = progress.bands;
-        if bands < 3 { std::ops::ControlFlow::Continue(()) } else { std::ops::ControlFlow::Break(()) }
+        if bands < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    let limits = VolumeLimits::of_processor();
-    let outcome =
-        processor.cast(&volume, &request, EmptySpaceSkipping::On, &limits, &mut Watch::new(&mut goes_on));
+    let outcome = renderer.render_watched(&volume, &request, &mut goes_on);
     assert!(matches!(outcome, Err(RenderError::Cancelled)) && bands == 3);
 }
 
@@ -236,7 +221,7 @@ fn a_picture_is_cancelled_between_bands() {
 #[test]
 fn chosen_blocks_are_those_of_the_whole_picture() {
     let volume = head();
-    let mut renderer = crate::Renderer::on_processor();
+    let mut renderer = Renderer::on_processor();
     for (name, request) in requests(&volume).into_iter().step_by(7) {
         let whole = renderer.render(&volume, &request).unwrap();
         let chosen =
@@ -244,7 +229,8 @@ fn chosen_blocks_are_those_of_the_whole_picture() {
         let blocks = Some(Arc::new(chosen.clone()));
         let partial = renderer.render(&volume, &RenderRequest { blocks, ..request.clone() }).unwrap();
         assert!(!whole.is_partial && partial.is_partial, "{name}");
-        let empty = super::super::target::background(&request);
+        // Halves go to even numbers.
+        let empty = [76, 128, 26, 0];
         for (at, (pixel, depth)) in partial.color_rgba.iter().zip(&partial.depth_mm).enumerate() {
             let place = [at as u32 % SIZE_PX[0], at as u32 / SIZE_PX[0]];
             let expected = if chosen.has(place) {
