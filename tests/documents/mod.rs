@@ -1,4 +1,4 @@
-//! Links between the documents resolve.
+//! Links between the documents resolve, and the sources that they name exist.
 //!
 //! Anchors of headings follow the usual renderers of Markdown: lower case, hyphens for spaces, no
 //! punctuation.
@@ -82,4 +82,26 @@ fn links_lead_somewhere() {
     }
     assert!(count > 30, "links were found: {count}");
     assert_eq!(broken, Vec::<String>::new());
+}
+
+/// The text in back quotes that is a path of a source.
+fn sources(text: &str) -> Vec<&str> {
+    let quoted = prose(text).flat_map(|line| line.split('`').skip(1).step_by(2));
+    let folders = ["src/", "shaders/", "tests/", "scripts/"];
+    let is_source = |name: &str| folders.iter().any(|folder| name.starts_with(folder));
+    quoted.map(|name| name.split([' ', ':']).next().unwrap_or(name)).filter(|name| is_source(name)).collect()
+}
+
+/// Sources that documents name exist.
+#[test]
+fn named_sources_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let documents = documents(root);
+    // The history of changes names sources of its time.
+    let current = documents.iter().filter(|(name, _)| *name != "CHANGELOG.md");
+    let named: Vec<_> =
+        current.flat_map(|(name, text)| sources(text).into_iter().map(move |s| (name, s))).collect();
+    let missing: Vec<_> = named.iter().filter(|(_, source)| !root.join(source).exists()).collect();
+    assert!(named.len() > 30, "sources were found: {}", named.len());
+    assert!(missing.is_empty(), "{missing:?}");
 }
