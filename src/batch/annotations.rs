@@ -59,6 +59,15 @@ pub(super) struct PreparedAnnotations {
     pub(super) structures: Vec<(String, Arc<SurfaceMesh>)>,
 }
 
+/// Why a shape is no surface.
+#[derive(Debug, thiserror::Error)]
+enum ShapeError {
+    #[error("a triangle has corner {index} of {count}")]
+    Corner { index: u32, count: usize },
+    #[error("a corner is beyond {most_mm} mm")]
+    Far { most_mm: f64 },
+}
+
 /// Largest file that is read, bytes: a hundred structures of the most triangles.
 const LARGEST: u64 = 512 << 20;
 
@@ -116,7 +125,7 @@ impl KeptAnnotations {
             let mut item = item.map_err(SeriesError::retryable)?;
             item.rgb = rgb;
             item.validate().map_err(|error| wrong(&error.to_string()))?;
-            let shape = shape.map(KeptShape::shape).transpose().map_err(|reason| wrong(&reason))?;
+            let shape = shape.map(KeptShape::shape).transpose().map_err(|error| wrong(&error.to_string()))?;
             items.push(item);
             shapes.push(shape.map(Arc::new));
         }
@@ -144,13 +153,13 @@ impl KeptShape {
         Self { vertices_mm, triangles: shape.triangles.to_vec() }
     }
 
-    fn shape(self) -> Result<SurfaceMesh, String> {
+    fn shape(self) -> Result<SurfaceMesh, ShapeError> {
         let count = self.vertices_mm.len();
         if let Some(index) = self.triangles.as_flattened().iter().find(|index| **index as usize >= count) {
-            return Err(format!("a triangle has corner {index} of {count}"));
+            return Err(ShapeError::Corner { index: *index, count });
         }
         if !self.vertices_mm.as_flattened().iter().all(|mm| mm.abs() <= Item::FARTHEST_MM) {
-            return Err(format!("a corner is beyond {} mm", Item::FARTHEST_MM));
+            return Err(ShapeError::Far { most_mm: Item::FARTHEST_MM });
         }
         let vertices = self.vertices_mm.into_iter().map(|[x, y, z]| Point::new(x, y, z)).collect();
         Ok(SurfaceMesh { vertices, triangles: self.triangles.into() })

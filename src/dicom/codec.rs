@@ -20,6 +20,7 @@ use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
 use super::codestream::{self, Coding, Header};
 use super::dataset::{self, Encoding};
+use super::entropy::JpegFault;
 use super::error::Defect;
 use super::file_bytes::Bytes;
 use super::header::FileHeader;
@@ -203,7 +204,7 @@ pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
         }
         Some(FrameCoding::Rle) => rle::decode(&data, pixels, layout.bits_allocated as usize / 8)
             .map_err(|error| refused(error.to_string())),
-        Some(FrameCoding::Deflated) => inflate(&data, layout).map_err(refused),
+        Some(FrameCoding::Deflated) => inflate(&data, layout).map_err(|error| refused(error.to_string())),
         Some(FrameCoding::Encapsulated) => {
             let mut data = data;
             data.truncate(layout.frame_bytes() as usize); // a frame of an odd length is padded
@@ -213,16 +214,24 @@ pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
     }
 }
 
+/// Why a deflated frame is not read.
+#[derive(Debug, thiserror::Error)]
+enum InflateError {
+    #[error(transparent)]
+    Damaged(#[from] std::io::Error),
+    #[error("it unpacks to more than the {expected} bytes of the image")]
+    TooLong { expected: u64 },
+}
+
 /// A deflated frame (PS3.5 Annex H): as many bytes as the image has, and none beyond.
-fn inflate(data: &[u8], layout: &PixelLayout) -> Result<Vec<u8>, String> {
+fn inflate(data: &[u8], layout: &PixelLayout) -> Result<Vec<u8>, InflateError> {
     let expected = layout.frame_bytes();
     let mut samples = Vec::new();
     // One byte more than an even length tells a longer frame.
     let most = expected.next_multiple_of(2) + 1;
-    let read = flate2::read::DeflateDecoder::new(data).take(most).read_to_end(&mut samples);
-    read.map_err(|error| error.to_string())?;
+    flate2::read::DeflateDecoder::new(data).take(most).read_to_end(&mut samples)?;
     if samples.len() as u64 == most {
-        return Err(format!("it unpacks to more than the {expected} bytes of the image"));
+        return Err(InflateError::TooLong { expected });
     }
     samples.truncate(expected as usize);
     Ok(samples)
@@ -239,7 +248,8 @@ fn decode_codestream(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
     if header.coding == Coding::JpegDct && header.precision > 8 {
         let samples =
             jpeg_dct::decode(&data, layout.columns as usize, layout.rows as usize, header.precision);
-        let samples = samples.map_err(|problem| Defect::Codec { codec: syntax.name(), problem })?;
+        let refused = |fault: JpegFault| Defect::Codec { codec: syntax.name(), problem: fault.to_string() };
+        let samples = samples.map_err(refused)?;
         return Ok(samples.into_iter().flat_map(u16::to_le_bytes).collect());
     }
     decode_with_registry(data, syntax, layout, bits_per_sample(header))

@@ -9,7 +9,7 @@
 //! refine them.
 
 use super::codestream;
-use super::entropy::{Bits, Huffman, Problem};
+use super::entropy::{Bits, Huffman, JpegFault, Part};
 
 /// Coefficients of an 8 x 8 block, row by row.
 type Block = [i32; 64];
@@ -31,9 +31,14 @@ const MOST_SCANS: usize = 1000;
 /// # Errors
 /// When the codestream is damaged, cut short, coded in another way, or has more than [`MOST_SCANS`]
 /// scans.
-pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -> Result<Vec<u16>, Problem> {
+pub(super) fn decode(
+    data: &[u8],
+    width: usize,
+    height: usize,
+    precision: u32,
+) -> Result<Vec<u16>, JpegFault> {
     if !(2..=12).contains(&precision) {
-        return Err(format!("found {precision} bits per sample, expected at most 12"));
+        return Err(JpegFault::Precision(precision));
     }
     let mut image = Image::new(width, height);
     let mut tables = Tables::default();
@@ -49,7 +54,7 @@ pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -
             0xDA => {
                 scans += 1;
                 if scans > MOST_SCANS {
-                    return Err(format!("found more than {MOST_SCANS} scans"));
+                    return Err(JpegFault::TooManyScans(MOST_SCANS));
                 }
                 rest = image.read_scan(&tables, segment, behind)?;
             }
@@ -58,7 +63,7 @@ pub(super) fn decode(data: &[u8], width: usize, height: usize, precision: u32) -
         }
     }
     if scans == 0 {
-        return Err("found no scan".to_owned());
+        return Err(JpegFault::NoScan);
     }
     Ok(image.samples(&tables.quantization[usize::from(image.quantization)], precision))
 }
@@ -73,11 +78,11 @@ struct Tables {
 }
 
 impl Tables {
-    fn define_quantization(&mut self, mut segment: &[u8]) -> Result<(), Problem> {
+    fn define_quantization(&mut self, mut segment: &[u8]) -> Result<(), JpegFault> {
         while let Some((&head, rest)) = segment.split_first() {
             let bytes = if head >> 4 == 0 { 1 } else { 2 };
             let (values, behind) =
-                rest.split_at_checked(64 * bytes).ok_or("the quantization table is cut short")?;
+                rest.split_at_checked(64 * bytes).ok_or(JpegFault::CutShort(Part::QuantizationTable))?;
             let value = |pair: &[u8]| pair.iter().fold(0, |value, &byte| value << 8 | u16::from(byte));
             *table(&mut self.quantization, head & 15)? = values.chunks(bytes).map(value).collect();
             segment = behind;
@@ -85,11 +90,12 @@ impl Tables {
         Ok(())
     }
 
-    fn define_huffman(&mut self, mut segment: &[u8]) -> Result<(), Problem> {
+    fn define_huffman(&mut self, mut segment: &[u8]) -> Result<(), JpegFault> {
         while let Some((&head, rest)) = segment.split_first() {
-            let (counts, rest) = rest.split_at_checked(16).ok_or("the Huffman table is cut short")?;
+            let (counts, rest) = rest.split_at_checked(16).ok_or(JpegFault::CutShort(Part::HuffmanTable))?;
             let total = counts.iter().map(|&count| usize::from(count)).sum();
-            let (symbols, behind) = rest.split_at_checked(total).ok_or("the Huffman table is cut short")?;
+            let (symbols, behind) =
+                rest.split_at_checked(total).ok_or(JpegFault::CutShort(Part::HuffmanTable))?;
             let class = if head >> 4 == 0 { &mut self.dc } else { &mut self.ac };
             *table(class, head & 15)? = Huffman::new(counts, symbols)?;
             segment = behind;
@@ -97,15 +103,15 @@ impl Tables {
         Ok(())
     }
 
-    fn define_restart_interval(&mut self, segment: &[u8]) -> Result<(), Problem> {
-        let interval = segment.first_chunk::<2>().ok_or("the restart interval is cut short")?;
+    fn define_restart_interval(&mut self, segment: &[u8]) -> Result<(), JpegFault> {
+        let interval = segment.first_chunk::<2>().ok_or(JpegFault::CutShort(Part::RestartInterval))?;
         self.restart_interval = u16::from_be_bytes(*interval).into();
         Ok(())
     }
 }
 
-fn table<T>(tables: &mut [T; 4], index: u8) -> Result<&mut T, Problem> {
-    tables.get_mut(usize::from(index)).ok_or_else(|| format!("found table {index}, expected 0 to 3"))
+fn table<T>(tables: &mut [T; 4], index: u8) -> Result<&mut T, JpegFault> {
+    tables.get_mut(usize::from(index)).ok_or(JpegFault::Table(index))
 }
 
 /// The parameters of a scan (T.81 B.2.3).
@@ -136,14 +142,19 @@ impl Image {
     }
 
     /// Reads a scan; returns the bytes from the marker that ends it.
-    fn read_scan<'a>(&mut self, tables: &Tables, header: &[u8], data: &'a [u8]) -> Result<&'a [u8], Problem> {
+    fn read_scan<'a>(
+        &mut self,
+        tables: &Tables,
+        header: &[u8],
+        data: &'a [u8],
+    ) -> Result<&'a [u8], JpegFault> {
         let &[1, _, selectors, first, last, approximation, ..] = header else {
-            return Err(format!("found a scan of {} components, expected 1", header.first().unwrap_or(&0)));
+            return Err(JpegFault::Components(header.first().copied().unwrap_or(0)));
         };
         let (first, last) = if self.is_progressive { (first.into(), last.into()) } else { (0, 63) };
         let (high, low) = if self.is_progressive { (approximation >> 4, approximation & 15) } else { (0, 0) };
         if first > last || last > 63 || (self.is_progressive && first == 0 && last > 0) || low > 13 {
-            return Err(format!("found a scan of coefficients {first} to {last}, bit {low}"));
+            return Err(JpegFault::Coefficients { first, last, low });
         }
         let select = |index: u8| usize::from(index & 3);
         let (dc, ac) = (&tables.dc[select(selectors >> 4)], &tables.ac[select(selectors)]);
@@ -192,7 +203,7 @@ struct State {
 }
 
 impl Scan<'_> {
-    fn read_block(&self, bits: &mut Bits<'_>, state: &mut State, block: &mut Block) -> Result<(), Problem> {
+    fn read_block(&self, bits: &mut Bits<'_>, state: &mut State, block: &mut Block) -> Result<(), JpegFault> {
         let mut first = self.first;
         if first == 0 {
             self.read_dc(bits, state, block)?;
@@ -205,7 +216,7 @@ impl Scan<'_> {
         }
     }
 
-    fn read_dc(&self, bits: &mut Bits<'_>, state: &mut State, block: &mut Block) -> Result<(), Problem> {
+    fn read_dc(&self, bits: &mut Bits<'_>, state: &mut State, block: &mut Block) -> Result<(), JpegFault> {
         if self.high > 0 {
             block[0] |= i32::from(bits.bit()?) << self.low;
             return Ok(());
@@ -223,7 +234,7 @@ impl Scan<'_> {
         state: &mut State,
         block: &mut Block,
         first: usize,
-    ) -> Result<(), Problem> {
+    ) -> Result<(), JpegFault> {
         if state.end_of_band_run > 0 {
             state.end_of_band_run -= 1;
             return Ok(());
@@ -238,7 +249,7 @@ impl Scan<'_> {
             }
             k += usize::from(run);
             if size > 0 {
-                let place = ZIGZAG.get(k).ok_or("a run of zeros leaves the block")?;
+                let place = ZIGZAG.get(k).ok_or(JpegFault::Run)?;
                 block[usize::from(*place)] = bits.signed(size)? << self.low;
             }
             k += 1;
@@ -254,7 +265,7 @@ impl Scan<'_> {
         state: &mut State,
         block: &mut Block,
         first: usize,
-    ) -> Result<(), Problem> {
+    ) -> Result<(), JpegFault> {
         let one = 1i32 << self.low;
         let mut k = first;
         while k <= self.last && state.end_of_band_run == 0 {
@@ -293,7 +304,7 @@ impl Scan<'_> {
     }
 }
 
-fn refine(bits: &mut Bits<'_>, coefficient: &mut i32, one: i32) -> Result<(), Problem> {
+fn refine(bits: &mut Bits<'_>, coefficient: &mut i32, one: i32) -> Result<(), JpegFault> {
     if bits.bit()? && coefficient.unsigned_abs() & one.unsigned_abs() == 0 {
         *coefficient += one * coefficient.signum();
     }

@@ -163,7 +163,9 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     let bytes: bytes::Bytes = std::fs::read(path).map_err(unreadable)?.into();
     let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.to_string()))?;
     check_count(path, archive.len(), MOST_FILES, "files")?;
-    check_overlap(&archive).map_err(container)?;
+    if let Some(byte) = overlap(&archive) {
+        return Err(container(format!("its entries overlap at byte {byte}")));
+    }
     let archive = Arc::new(archive);
     let mut files = Vec::new();
     for index in 0..archive.len() {
@@ -176,17 +178,15 @@ fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     Ok(files)
 }
 
-/// Refuses a zip whose entries share compressed bytes: a few kilobytes could stand for terabytes.
-fn check_overlap(archive: &SharedZip) -> Result<(), String> {
+/// Where an entry of a zip begins inside of the one before it. If entries shared compressed bytes, a few
+/// kilobytes could stand for terabytes.
+fn overlap(archive: &SharedZip) -> Option<u64> {
     let entries = (0..archive.len()).filter_map(|index| archive.by_index_data(index).ok());
     let mut places: Vec<(u64, u64)> =
         entries.map(|entry| (entry.header_start(), entry.compressed_size())).collect();
     places.sort_unstable();
     let end = |(start, size): (u64, u64)| start.saturating_add(LOCAL_HEADER_BYTES).saturating_add(size);
-    match places.windows(2).position(|pair| end(pair[0]) > pair[1].0) {
-        Some(at) => Err(format!("its entries overlap at byte {}", places[at + 1].0)),
-        None => Ok(()),
-    }
+    places.windows(2).find(|pair| end(pair[0]) > pair[1].0).map(|pair| pair[1].0)
 }
 
 /// The first bytes of an entry, at most `most`, and how many it has in all.

@@ -74,8 +74,8 @@ impl DepthNetwork {
             return Err(EstimateError::TooLarge { bytes, most: MAX_NETWORK_BYTES });
         }
         let options = ModelOptions::with_ops(operators());
-        let loaded = guarded(|| options.load(file).map_err(|error| error.to_string()));
-        let model = loaded.map_err(|message| EstimateError::Load { message })?;
+        let loaded = guarded(|| options.load(file));
+        let model = loaded.map_err(|error| EstimateError::Load { message: error.to_string() })?;
         let fixed_px = input_sides(&model)?;
         let output = model.output_ids().first().and_then(|id| model.node_info(*id));
         let gives_closeness = output.is_some_and(|node| node.name() == Some(CLOSENESS));
@@ -130,10 +130,8 @@ impl DepthNetwork {
                 let byte = small.get_pixel(x as u32, y as u32).0[channel];
                 (f32::from(byte) / 255.0 - mean[channel]) / deviation[channel]
             });
-        let output = guarded(|| {
-            self.model.run_one(input.view().into(), None::<RunOptions>).map_err(|error| error.to_string())
-        });
-        let output = output.map_err(|message| EstimateError::Run { message })?;
+        let output = guarded(|| self.model.run_one(input.view().into(), None::<RunOptions>));
+        let output = output.map_err(|error| EstimateError::Run { message: error.to_string() })?;
         let found = output.shape().to_vec();
         let sides = match found[..] {
             [1, height, width] | [1, 1, height, width] => [width, height].map(u32::try_from),
@@ -248,7 +246,19 @@ fn relative(mut values: Vec<f32>) -> Vec<f32> {
     values
 }
 
+/// Why a call of the runtime has no result.
+#[derive(Debug, thiserror::Error)]
+enum CallError<E> {
+    #[error(transparent)]
+    Refused(E),
+    #[error("the runtime panicked")]
+    Panicked,
+}
+
 /// The result of the runtime, which may panic on an invalid network.
-fn guarded<T>(call: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err("the runtime panicked".to_owned()))
+fn guarded<T, E>(call: impl FnOnce() -> Result<T, E>) -> Result<T, CallError<E>> {
+    match catch_unwind(AssertUnwindSafe(call)) {
+        Ok(result) => result.map_err(CallError::Refused),
+        Err(_) => Err(CallError::Panicked),
+    }
 }
