@@ -1,11 +1,11 @@
-//! Numbers in lanes, so that a ray caster is written once and runs in two widths: eight lanes of 32
-//! bits for speed, and one lane of 64 bits as the truth that the eight are compared with.
+//! Numbers in lanes, so that a ray caster is written once and runs in several widths: sixteen or
+//! eight lanes of 32 bits for speed, and one lane of 64 bits as the truth that these are compared with.
 //!
 //! Every operation is a plain one of IEEE 754, in the order in which it is written: no fused
-//! multiply-add, no estimates. The eight lanes therefore give the same bits on every processor,
-//! whatever its vector instructions; [`dispatch`] takes the widest. This crate knows no volumes and
-//! no pictures. Its one `unsafe` is in `gather`, which reads eight places of a slice after
-//! one check of all.
+//! multiply-add, no estimates. Lanes of 32 bits therefore give the same bits on every processor,
+//! whatever its vector instructions and their number; [`dispatch`] takes the widest. This crate knows no volumes and
+//! no pictures. Its `unsafe` is in `gather` alone, which reads many places of a slice after one
+//! check of all.
 //!
 //! Everything is inlined: code between [`dispatch`] and an operation has to be marked
 //! `#[inline(always)]`, or it is compiled without the processor's vector instructions.
@@ -19,13 +19,21 @@ mod eight;
 #[cfg(target_arch = "x86_64")]
 mod gather;
 mod one;
+#[cfg(target_arch = "x86_64")]
+mod sixteen;
 mod triple;
+mod wide;
 
 pub use eight::{Eight, EightLanes};
 pub use one::{One, OneLane};
+#[cfg(target_arch = "x86_64")]
+pub use sixteen::{Sixteen, SixteenLanes};
 pub use triple::Triple;
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+/// Most lanes of a vector.
+pub const MOST_LANES: usize = 16;
 
 /// A width: makes vectors, and reads memory into them.
 pub trait Lanes: Copy {
@@ -48,8 +56,8 @@ pub trait Lanes: Copy {
     fn by_lane(self, number: impl FnMut(usize) -> f64) -> Self::Real;
     /// Reads the first lanes of a slice, which has at least as many numbers.
     fn load(self, numbers: &[Self::Scalar]) -> Self::Real;
-    /// For each lane the number at its place; places are below eight.
-    fn chosen(self, numbers: &[Self::Scalar; 8], places: &[u8]) -> Self::Real;
+    /// For each lane the number at its place; places are below the number of lanes.
+    fn chosen(self, numbers: &[Self::Scalar; MOST_LANES], places: &[u8]) -> Self::Real;
     /// True in the lanes before the given number.
     fn first(self, count: usize) -> Self::Mask;
 
@@ -217,8 +225,35 @@ impl Level {
     }
 }
 
-/// Runs a kernel in eight lanes of 32 bits, with the vector instructions of a level.
+/// Runs a kernel with the vector instructions of a level: in sixteen lanes of 32 bits by AVX-512, in
+/// eight by others.
 #[inline]
 pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
-    fearless_simd::dispatch!(level.level, simd => kernel.run(EightLanes(simd)))
+    #[cfg(target_arch = "x86_64")]
+    {
+        use fearless_simd::Simd as _;
+        match level.level {
+            fearless_simd::Level::Avx512(avx512) => avx512.vectorize(
+                #[inline(always)]
+                || kernel.run(SixteenLanes(avx512)),
+            ),
+            fearless_simd::Level::Avx2(avx2) => avx2.vectorize(
+                #[inline(always)]
+                || kernel.run(EightLanes(avx2)),
+            ),
+            fearless_simd::Level::Sse4_2(sse4_2) => sse4_2.vectorize(
+                #[inline(always)]
+                || kernel.run(EightLanes(sse4_2)),
+            ),
+            fearless_simd::Level::Sse2(sse2) => sse2.vectorize(
+                #[inline(always)]
+                || kernel.run(EightLanes(sse2)),
+            ),
+            _ => unreachable!("every such processor has SSE2"),
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        fearless_simd::dispatch!(level.level, simd => kernel.run(EightLanes(simd)))
+    }
 }

@@ -1,6 +1,6 @@
 //! One lane of 64 bits.
 
-use crate::{Lanes, Mask, Real, Triple};
+use crate::{Lanes, MOST_LANES, Mask, Real, Triple};
 
 /// The width of one lane of 64 bits.
 #[derive(Clone, Copy, Debug)]
@@ -124,8 +124,8 @@ impl Lanes for OneLane {
         One(numbers[0])
     }
     #[inline(always)]
-    fn chosen(self, numbers: &[f64; 8], places: &[u8]) -> One {
-        One(numbers[usize::from(places[0]) % 8])
+    fn chosen(self, numbers: &[f64; MOST_LANES], places: &[u8]) -> One {
+        One(numbers[usize::from(places[0]) % MOST_LANES])
     }
     #[inline(always)]
     fn first(self, count: usize) -> bool {

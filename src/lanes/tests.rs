@@ -1,10 +1,10 @@
-//! Both widths against plain arithmetic, on every level; and which places are refused.
+//! Every width against plain arithmetic, on every level; and which places are refused.
 
 use super::*;
 
-/// Eight numbers at a time through an operation.
+/// Numbers through an operation.
 struct Through<F> {
-    numbers: [f32; 8],
+    numbers: [f32; MOST_LANES],
     operation: F,
 }
 
@@ -13,14 +13,16 @@ trait Operation {
     fn apply<L: Lanes>(self, lanes: L, number: L::Real) -> L::Real;
 }
 
-impl<F: Operation> Kernel for Through<F> {
+impl<F: Operation + Copy> Kernel for Through<F> {
     type Output = Vec<f64>;
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
-        let number = lanes.by_lane(|lane| self.numbers[lane].into());
-        let mut results = vec![lanes.scalar(0.0); 8];
-        self.operation.apply(lanes, number).store(&mut results);
-        results.into_iter().take(L::COUNT).map(Into::into).collect()
+        let mut results = vec![lanes.scalar(0.0); MOST_LANES];
+        for (at, results) in results.chunks_mut(L::COUNT).enumerate() {
+            let number = lanes.by_lane(|lane| self.numbers[at * L::COUNT + lane].into());
+            self.operation.apply(lanes, number).store(results);
+        }
+        results.into_iter().map(Into::into).collect()
     }
 }
 
@@ -53,16 +55,16 @@ impl Operation for Power {
 }
 
 /// Numbers that are spread evenly between two.
-fn spread(low: f32, high: f32) -> Vec<[f32; 8]> {
+fn spread(low: f32, high: f32) -> Vec<[f32; MOST_LANES]> {
     let at = |i: usize| low + (high - low) * (i as f32 / 4095.0);
-    (0..512).map(|eight| std::array::from_fn(|lane| at(8 * eight + lane))).collect()
+    (0..4096 / MOST_LANES).map(|n| std::array::from_fn(|lane| at(MOST_LANES * n + lane))).collect()
 }
 
 /// The largest difference between an operation on all levels and the truth, and whether all levels
 /// gave the same bits.
 fn largest_difference<F: Operation + Copy>(
     operation: F,
-    numbers: &[[f32; 8]],
+    numbers: &[[f32; MOST_LANES]],
     truth: impl Fn(f64) -> f64,
 ) -> f64 {
     let mut largest = 0f64;
@@ -85,8 +87,27 @@ fn logarithms_and_powers_are_those_of_the_standard_library() {
         let apart = largest_difference(Power(exponent), &spread(0.0, 1.0), |x| x.powf(exponent));
         assert!(apart < 4e-5, "{exponent}: {apart}");
     }
-    let one = Through { numbers: [0.3; 8], operation: Power(7.0) }.run(OneLane);
+    let one = Through { numbers: [0.3; MOST_LANES], operation: Power(7.0) }.run(OneLane);
     assert!((one[0] - f64::from(0.3f32).powf(7.0)).abs() < 1e-15);
+}
+
+/// The number of lanes.
+struct Count;
+
+impl Kernel for Count {
+    type Output = usize;
+    #[inline(always)]
+    fn run<L: Lanes>(self, _lanes: L) -> usize {
+        L::COUNT
+    }
+}
+
+#[test]
+fn avx512_has_sixteen_lanes_and_others_have_eight() {
+    for level in levels() {
+        let expected = if level.name() == "avx512" { 16 } else { 8 };
+        assert_eq!(dispatch(level, Count), expected, "{}", level.name());
+    }
 }
 
 /// Reads pairs of numbers around a place.
@@ -104,7 +125,7 @@ impl Kernel for Pairs<'_> {
         let mut results = Vec::new();
         for [first, second] in lanes.short_pairs(self.numbers, at, self.distances) {
             for number in [first, second] {
-                let mut stored = [lanes.scalar(0.0); 8];
+                let mut stored = [lanes.scalar(0.0); MOST_LANES];
                 number.store(&mut stored);
                 results.extend(stored.into_iter().take(L::COUNT).map(Into::into));
             }
@@ -115,10 +136,11 @@ impl Kernel for Pairs<'_> {
 
 #[test]
 fn pairs_are_the_numbers_around_their_places() {
-    let numbers: Vec<i16> = (0..40).map(|i| (i - 20) * 1600).collect();
+    let numbers: Vec<i16> = (0..60).map(|i| (i - 20) * 800).collect();
     for level in levels() {
         let read = dispatch(level, Pairs { numbers: &numbers, at: 5.0, distances: [-5, 26] });
-        let expected = [0, 1, 31, 32].into_iter().flat_map(|first| (0..8).map(move |lane| first + lane));
+        let lanes = dispatch(level, Count);
+        let expected = [0, 1, 31, 32].into_iter().flat_map(|first| (0..lanes).map(move |lane| first + lane));
         let expected: Vec<f64> = expected.map(|at| f64::from(numbers[at])).collect();
         assert_eq!(read, expected, "{}", level.name());
     }
@@ -133,8 +155,9 @@ fn places_outside_are_refused() {
             let read = || dispatch(level, Pairs { numbers: &numbers, at, distances });
             std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).is_err()
         };
-        assert!(!is_refused(0.0, [0, 31]), "{}: the last pair is inside", level.name());
-        assert!(is_refused(0.0, [0, 32]), "{}: half of the last pair is outside", level.name());
+        let last = 39 - dispatch(level, Count) as i32;
+        assert!(!is_refused(0.0, [0, last]), "{}: the last pair is inside", level.name());
+        assert!(is_refused(0.0, [0, last + 1]), "{}: half of the last pair is outside", level.name());
         assert!(is_refused(0.0, [-1, 0]), "{}: before the first", level.name());
         assert!(is_refused(0.0, [0, i32::MAX]), "{}: far behind", level.name());
         assert!(is_refused(0.0, [i32::MIN, i32::MAX]), "{}: everything", level.name());
@@ -201,7 +224,7 @@ impl Kernel for Reads {
         };
         let mut all = Vec::new();
         for numbers in read {
-            let mut stored = [lanes.scalar(0.0); 8];
+            let mut stored = [lanes.scalar(0.0); MOST_LANES];
             numbers.store(&mut stored);
             all.extend(stored.into_iter().take(L::COUNT).map(Into::into));
         }
@@ -225,7 +248,12 @@ fn every_read_has_the_numbers_of_its_places() {
         let reads = || Reads { kind, at: 9.0, length: 40 };
         assert_eq!(reads().run(OneLane), expected(1), "{kind:?}, one lane");
         for level in levels() {
-            assert_eq!(dispatch(level, reads()), expected(8), "{kind:?}, {}", level.name());
+            assert_eq!(
+                dispatch(level, reads()),
+                expected(dispatch(level, Count)),
+                "{kind:?}, {}",
+                level.name()
+            );
         }
     }
 }
@@ -240,11 +268,36 @@ fn every_read_outside_is_refused() {
             let read = || dispatch(level, Reads { kind, at, length: 40 });
             std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).is_err()
         };
-        let (first, last) = (f64::from(-numbers.start), f64::from(40 - 7 - numbers.end));
+        let lanes = dispatch(level, Count) as i32;
+        let (first, last) = (f64::from(-numbers.start), f64::from(41 - lanes - numbers.end));
         let name = level.name();
         assert!(!is_refused(first) && !is_refused(last), "{kind:?}, {name}: the ends are inside");
         assert!(is_refused(first - 1.0) || first == 0.0, "{kind:?}, {name}: before the first");
         assert!(is_refused(last + 1.0), "{kind:?}, {name}: behind the last");
         assert!(is_refused(1e9) && is_refused(-1e9), "{kind:?}, {name}: far off");
+    }
+}
+
+/// Reads the bytes of a slice by turns.
+struct Turns<'a>(&'a [u8]);
+
+impl Kernel for Turns<'_> {
+    type Output = Vec<f64>;
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
+        let at = lanes.place(lanes.by_lane(|lane| (lane % self.0.len()) as f64));
+        let mut stored = [lanes.scalar(0.0); MOST_LANES];
+        lanes.bytes(self.0, at).store(&mut stored);
+        stored.into_iter().take(L::COUNT).map(Into::into).collect()
+    }
+}
+
+#[test]
+fn bytes_of_short_slices_are_read_too() {
+    for (level, length) in levels().into_iter().flat_map(|level| (1..9).map(move |length| (level, length))) {
+        let bytes: Vec<u8> = (0..length).map(number_at).collect();
+        let expected: Vec<f64> =
+            (0..dispatch(level, Count)).map(|lane| bytes[lane % length].into()).collect();
+        assert_eq!(dispatch(level, Turns(&bytes)), expected, "{length} bytes, {}", level.name());
     }
 }

@@ -1,6 +1,6 @@
 //! The part of a picture that is cast, where it is not all of it: blocks of 4 x 2 pixels.
 //!
-//! Spaces: pixels, rows from the top. A block is what eight lanes cast together.
+//! Spaces: pixels, rows from the top. Eight lanes cast a block together, sixteen cast two.
 
 /// Width and height of a block, pixels.
 pub const BLOCK_PX: [u32; 2] = [4, 2];

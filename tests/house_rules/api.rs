@@ -78,7 +78,8 @@ fn read(text: &str, items: &mut BTreeMap<String, Item>) {
     let lines: Vec<&str> = text.lines().collect();
     let mut of = None;
     for (at, line) in lines.iter().enumerate() {
-        if line.starts_with("#[cfg(test)]") {
+        let is_block = || lines.get(at + 1).is_some_and(|next| next.ends_with('{'));
+        if line.starts_with("#[cfg(test)]") && is_block() {
             return; // unit tests end a file
         }
         if *line == "}" {

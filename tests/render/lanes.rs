@@ -1,4 +1,4 @@
-//! The eight lanes against the reference, level against level, and skipping against none.
+//! Lanes of 32 bits against the reference, level against level, and skipping against none.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -157,10 +157,10 @@ fn apart(frame: (&[[u8; 4]], &[f32]), twin: &RenderedFrame, most_mm: f32) -> [us
     [colors, frame.1.iter().zip(&twin.depth_mm).filter(|pair| is_apart(*pair)).count()]
 }
 
-/// Invariant: The processor's eight lanes agree with the reference in every mode, depth rule and kind
+/// Invariant: The processor's lanes of 32 bits agree with the reference in every mode, depth rule and kind
 /// of light.
 #[test]
-fn eight_lanes_agree_with_the_reference() {
+fn lanes_agree_with_the_reference() {
     let volume = head();
     for (what, request) in requests(&volume) {
         let twin = render_reference(&volume, &request).unwrap();

@@ -25,15 +25,15 @@ use crate::limits::depth_limits;
 use relief_volume::{ContentHash, Volume};
 
 /// Rows of pixels that a thread takes at a time: a piece.
-const ROWS: u32 = 2;
+const ROWS: u32 = 4;
 
 /// The lanes that cast.
 #[derive(Clone, Copy)]
 pub(super) enum Width {
-    /// Eight of 32 bits, by the vector instructions of a level.
-    Eight(Level),
+    /// Eight or sixteen of 32 bits, by the vector instructions of a level.
+    Single(Level),
     /// One of 64 bits.
-    One,
+    Double,
 }
 
 /// A volume under a request.
@@ -88,8 +88,8 @@ impl Picture {
 impl Width {
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
-            Self::Eight(level) => dispatch(level, kernel),
-            Self::One => kernel.run(OneLane),
+            Self::Single(level) => dispatch(level, kernel),
+            Self::Double => kernel.run(OneLane),
         }
     }
 }

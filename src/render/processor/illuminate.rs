@@ -12,7 +12,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DAffine3, DVec3};
-use relief_lanes::{Kernel, Lanes, Mask as _, Real as _, Triple};
+use relief_lanes::{Kernel, Lanes, MOST_LANES, Mask as _, Real as _, Triple};
 
 use super::super::classification::Classification;
 use super::super::light::{InPatient, Light};
@@ -101,7 +101,7 @@ impl Kernel for FillLayer<'_> {
                     march.shares(p, &sources, looked_up)
                 };
                 for (light, share) in shares.into_iter().enumerate() {
-                    let mut stored = [lanes.scalar(0.0); 8];
+                    let mut stored = [lanes.scalar(0.0); MOST_LANES];
                     share.or_where_not(looked_up, lanes.splat(1.0)).store(&mut stored);
                     for (cell, share) in out[row * nx + column..][..count].iter_mut().zip(stored) {
                         cell[light] = share.into() as f32;

@@ -1,8 +1,8 @@
 //! The ray caster in lanes: rays are cast by the processor's vector instructions, without any graphics
 //! driver.
 //!
-//! Its functions follow the shaders and have their names. They are generic over lanes: eight of 32
-//! bits render pictures, and one of 64 bits is the reference that shaders are compared with (see
+//! Its functions follow the shaders and have their names. They are generic over lanes: eight or
+//! sixteen of 32 bits render pictures, and one of 64 bits is the reference that shaders are compared with (see
 //! `reference`). [`left_by_processor`] names the part of a request that it leaves to a graphics
 //! adapter.
 //!
@@ -130,7 +130,7 @@ impl Processor {
         watch: &mut Watch<'_>,
     ) -> Result<RenderedFrame, RenderError> {
         let plan = &limits.plan(volume.grid().dims())?;
-        let (width, bands) = (Width::Eight(self.level), self.bands);
+        let (width, bands) = (Width::Single(self.level), self.bands);
         Order { volume, request, skipping, plan, width, bands }.cast(
             &mut self.cache,
             &mut self.unfinished,

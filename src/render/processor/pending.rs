@@ -3,12 +3,10 @@
 //! Lights need gradients, which are slow, and few neighbouring rays are visible at the same sample. A
 //! sample has N components: its position (voxel index) first, its weight last.
 
-use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
+use relief_lanes::{Lanes, MOST_LANES, Mask as _, Real as _, Triple};
 
 use super::ray::Rays;
 
-/// Most lanes that there are.
-const MOST_LANES: usize = 8;
 /// Room for samples: fewer than there are lanes wait, and twice as many may be added at once.
 const WAITING: usize = 4 * MOST_LANES;
 

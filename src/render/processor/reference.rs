@@ -1,6 +1,6 @@
 //! The reference: the ray caster in one lane of 64 bits, which takes every sample.
 //!
-//! Tests compare the shaders and the eight lanes with it; closed forms hold it to the formulas.
+//! Tests compare the shaders and the lanes of 32 bits with it; closed forms hold it to the formulas.
 
 use std::ops::ControlFlow;
 
@@ -31,7 +31,7 @@ pub fn render_reference(volume: &Volume, request: &RenderRequest) -> Result<Rend
         request,
         skipping: EmptySpaceSkipping::Off,
         plan: &VolumeLimits::of_processor().plan(volume.grid().dims())?,
-        width: Width::One,
+        width: Width::Double,
         bands: Bands::of_processor(),
     };
     let mut goes_on = |_| ControlFlow::Continue(());

@@ -3,7 +3,7 @@
 //! A packet is a block of neighbouring pixels, one in each lane: rays that lie close together read
 //! the same voxels.
 
-use relief_lanes::{Kernel, Lanes, Mask as _, Real as _, Triple};
+use relief_lanes::{Kernel, Lanes, MOST_LANES, Mask as _, Real as _, Triple};
 
 use super::super::chosen::BLOCK_PX;
 use super::super::mode::Mode;
@@ -38,9 +38,10 @@ struct Packet {
     size: [u32; 2],
 }
 
-/// Width and height of a packet, pixels: a block, or a part of one.
+/// Width and height of a packet, pixels: a part of a block, or blocks below one another.
 const fn packet(lanes: usize) -> [u32; 2] {
-    if lanes == 8 { BLOCK_PX } else { [lanes as u32, 1] }
+    let (lanes, [width, height]) = (lanes as u32, BLOCK_PX);
+    if lanes < width * height { [lanes, 1] } else { [width, lanes / width] }
 }
 
 impl Kernel for Rows<'_> {
@@ -54,10 +55,6 @@ impl Kernel for Rows<'_> {
         for row in (0..rows).step_by(size[1] as usize) {
             let Region { first: [left, _], size: [columns, _] } = self.region;
             for column in (left..left + columns).step_by(size[0] as usize) {
-                let first = [column, self.first + row];
-                if self.job.request.blocks.as_ref().is_some_and(|blocks| !blocks.has(first)) {
-                    continue;
-                }
                 self.cast_packet(&scene, Packet { first: [column, row], size });
             }
         }
@@ -78,21 +75,25 @@ impl Rows<'_> {
         self.front.color_rgba.len() as u32 / self.job.request.size_px[0]
     }
 
+    /// Whether a pixel, by the column of the picture and one of these rows, is to be cast.
+    fn is_cast(&self, [column, row]: [u32; 2]) -> bool {
+        let is_inside = column < self.region.first[0] + self.region.size[0] && row < self.rows();
+        let blocks = self.job.request.blocks.as_ref();
+        is_inside && blocks.is_none_or(|blocks| blocks.has([column, self.first + row]))
+    }
+
     #[inline(always)]
     fn cast_packet<L: Lanes>(&mut self, scene: &Scene<'_, L>, packet: Packet) {
         let lanes = scene.lanes;
-        let ([column, row], [width, height]) = (packet.first, packet.size);
-        let end = self.region.first[0] + self.region.size[0];
-        let rows = self.rows();
-        let is_inside = |lane: usize| {
-            let [column, row] = packet.place(lane);
-            column < end && row < rows
-        };
-        let inside = if column + width <= end && row + height <= rows {
+        let is_cast = |lane: usize| self.is_cast(packet.place(lane));
+        let inside = if (0..L::COUNT).all(is_cast) {
             lanes.first(L::COUNT)
         } else {
-            lanes.splat(0.5).lt(lanes.by_lane(|lane| if is_inside(lane) { 1.0 } else { 0.0 }))
+            lanes.splat(0.5).lt(lanes.by_lane(|lane| if is_cast(lane) { 1.0 } else { 0.0 }))
         };
+        if !inside.any() {
+            return;
+        }
         let columns = lanes.by_lane(|lane| packet.place(lane)[0].into());
         let first = self.first;
         let rays = scene.view.rays(columns, lanes.by_lane(|lane| (first + packet.place(lane)[1]).into()));
@@ -148,7 +149,7 @@ impl LayerMut<'_> {
         inside: L::Mask,
     ) {
         let bytes = bytes(scene, hit);
-        let mut depths = [scene.lanes.scalar(0.0); 8];
+        let mut depths = [scene.lanes.scalar(0.0); MOST_LANES];
         scene.view.depth(rays, hit.t).store(&mut depths);
         let (hits, inside) = (hit.hits.bits(), inside.bits());
         for lane in (0..L::COUNT).filter(|lane| inside >> lane & 1 == 1) {
@@ -163,15 +164,15 @@ impl LayerMut<'_> {
 
 /// Colours over the background as bytes, and the coverage.
 #[inline(always)]
-fn bytes<L: Lanes>(scene: &Scene<'_, L>, hit: &Hit<L>) -> [[u8; 4]; 8] {
+fn bytes<L: Lanes>(scene: &Scene<'_, L>, hit: &Hit<L>) -> [[u8; 4]; MOST_LANES] {
     let lanes = scene.lanes;
     let Triple([r, g, b]) = hit.color;
     let behind = lanes.splat(1.0) - hit.opacity;
     let [red, green, blue] = scene.request.background_rgb.map(|channel| lanes.splat(channel) * behind);
-    let mut pixels = [[0; 4]; 8];
+    let mut pixels = [[0; 4]; MOST_LANES];
     for (channel, value) in [r + red, g + green, b + blue, hit.opacity].into_iter().enumerate() {
         let value = value.clamped(lanes.splat(0.0), lanes.splat(1.0)) * lanes.splat(255.0);
-        let mut stored = [lanes.scalar(0.0); 8];
+        let mut stored = [lanes.scalar(0.0); MOST_LANES];
         value.round().store(&mut stored);
         for (pixel, stored) in pixels.iter_mut().zip(stored) {
             pixel[channel] = stored.into() as u8;
