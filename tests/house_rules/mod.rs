@@ -2,12 +2,14 @@
 //!
 //! Every file begins with a description; files and functions are short; no mark of unfinished work,
 //! path of one machine or address of a registry is left; scripts are runnable; shaders parse;
-//! README and ARCHITECTURE list every subcommand and crate; the index of invariants is current.
+//! README and ARCHITECTURE list every subcommand and crate; crates use the dependencies that they
+//! declare; the index of invariants is current.
 //! Each rule is a function from files to complaints, and is tested with files that break it.
 
 mod api;
 mod circles;
 mod invariants;
+mod manifests;
 mod rule;
 
 use std::path::{Path, PathBuf};
@@ -49,6 +51,7 @@ rules! {
     invariants_are_indexed,
     public_api_is_listed,
     crates_are_in_the_table,
+    declared_dependencies_are_used,
     imports_make_no_circles,
     pages_export_what_is_imported,
 }
@@ -167,6 +170,14 @@ fn rules_about_documents_find_what_breaks_them() {
     keeps(rule::crates_are_in_the_table, &[map, manifest]);
     breaks(rule::crates_are_in_the_table, &[map, ("src/d/Cargo.toml", "")]);
     breaks(rule::crates_are_in_the_table, &[map, ("src/a/Cargo.toml", "[dependencies]\n")]);
+
+    let user = ("src/a/b/c.rs", "use relief_b::B;\nfn f() -> relief_c::C {}\n");
+    keeps(rule::declared_dependencies_are_used, &[manifest, user]);
+    breaks(rule::declared_dependencies_are_used, &[manifest, ("src/a/lib.rs", "use relief_b::B;\n")]);
+    breaks(rule::declared_dependencies_are_used, &[manifest, ("src/d/lib.rs", user.1)]);
+    let root = ("Cargo.toml", "[target.'cfg(unix)'.dev-dependencies]\nx-y = { version = \"1\" }\n");
+    keeps(rule::declared_dependencies_are_used, &[root, ("tests/a/mod.rs", "x_y::f();")]);
+    breaks(rule::declared_dependencies_are_used, &[root, ("tests/bench/lib.rs", "x_y::f();")]);
 }
 
 /// The rule finds something in these made-up files.

@@ -1,6 +1,7 @@
 //! The rules: each returns its complaints about a set of files.
 
 pub(super) use super::circles::imports_make_no_circles;
+pub(super) use super::manifests::declared_dependencies_are_used;
 use super::{
     File, MAX_FILE_LINES, MAX_FUNCTION_LINES, ROOT_DOCUMENTS, api, extension, find, holds_word, invariants,
 };
