@@ -1,4 +1,4 @@
-//! Jobs as lines of JSON, their keys, and how they are shared out.
+//! Jobs as lines of JSON, their keys, and their division into parts.
 
 use std::collections::HashMap;
 use std::io::BufRead;

@@ -13,7 +13,7 @@ use relief_render::SceneFile;
 pub struct View {
     /// Part of the names of files.
     pub name: String,
-    /// The group of views to which it belongs; empty for a single view.
+    /// Its group of views; empty for a single view.
     pub group: String,
     /// Keys of the scene, which go before those that all views share.
     pub scene: Map<String, Value>,

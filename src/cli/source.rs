@@ -39,7 +39,7 @@ pub(super) fn load_after<T>(
     before: impl FnOnce([usize; 3]) -> anyhow::Result<T>,
 ) -> anyhow::Result<(Loaded, T)> {
     if relief_dicom::is_volume_file(path) {
-        // The adapter's limits are held against the header, before voxels are read.
+        // The header is checked against the limits of the adapter before voxels are read.
         let grid = relief_dicom::read_grid(path).with_context(|| format!("cannot use {}", path.display()))?;
         let prepared = before(grid.dims().map(|side| side.div_ceil(options.downsample.into())))?;
         return Ok((load_file(path, options)?, prepared));

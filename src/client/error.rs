@@ -2,7 +2,7 @@
 
 use super::address::ServerAddress;
 
-/// Why there is no session, or none any more.
+/// Why a session could not start, or has ended.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
     /// Nothing listens at the address, or the network does not reach it.

@@ -240,7 +240,7 @@ impl Session<'_> {
         ended
     }
 
-    /// Takes whatever comes, until nothing does any more.
+    /// Receives messages until the connection ends.
     async fn receive_all(&self, mut stream: SplitStream<Socket>, connection: u64) -> ClientError {
         let (mut unreadable, mut said) = (0, None);
         loop {
@@ -312,7 +312,7 @@ impl Session<'_> {
 
     fn frame(&self, connection: u64, bytes: Bytes) -> Result<(), ClientError> {
         let at_ns = self.handle.now_ns();
-        // Without its number a frame cannot be acknowledged: the connection is of no use any more.
+        // Without its number a frame cannot be acknowledged: the connection cannot be used.
         let header = Parts::of(&bytes).map_err(|error| self.lost(error.to_string()))?.header;
         (self.on)(Event::Frame(Received { connection, at_ns, header, bytes }));
         Ok(())

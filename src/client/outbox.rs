@@ -16,7 +16,7 @@ pub(super) struct Outbox {
     queue: VecDeque<ClientMessage>,
     ack: Option<Ack>,
     seq: u64,
-    /// Counts connections; 0 stands for none.
+    /// The number of the connection; 0 before the first.
     connection: u64,
     connections: u64,
     /// The newest pose of a Wiimote, with which a new connection begins, because buttons may have

@@ -31,7 +31,7 @@ pub enum WarningCode {
     MissingRescale,
     /// Values beyond 16 bits were clipped.
     ClippedValues,
-    /// The file does not say how it is encoded; it was guessed.
+    /// The file does not declare its encoding; it was guessed.
     GuessedEncoding,
     /// The images were compressed with loss.
     LossyCompression,

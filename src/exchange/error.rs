@@ -64,7 +64,7 @@ pub enum ExchangeError {
     Needs {
         /// The format wanted.
         format: Format,
-        /// What, and how it is given.
+        /// What is missing, and how to give it.
         what: &'static str,
     },
     /// A report that `dicom` refuses.

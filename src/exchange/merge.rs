@@ -28,7 +28,7 @@ pub struct Merged {
     pub unchanged: usize,
     /// Existing items that differ and stay unchanged.
     pub skipped: usize,
-    /// Existing items of which the file makes a copy.
+    /// Existing items that the file duplicates.
     pub copies: usize,
 }
 

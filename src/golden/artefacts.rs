@@ -27,7 +27,7 @@ const FAINTEST: f64 = 80.0;
 const PER_COLOR_STEP: f64 = 12.0;
 const PER_DEPTH_MM: f64 = 60.0;
 
-/// Where failing cases leave their pictures, and how they are blessed.
+/// The folder for pictures of failing cases, and the command that blesses them.
 #[derive(Clone, Debug)]
 pub struct Artefacts {
     dir: PathBuf,

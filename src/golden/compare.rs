@@ -86,7 +86,7 @@ pub struct ColorDifference {
     pub pixels: usize,
     /// Pixels that differ at all.
     pub differing: usize,
-    /// Pixels of which a channel differs by more than the tolerance.
+    /// Pixels with a channel that differs by more than the tolerance.
     pub outliers: usize,
     /// Most steps of 1/255 by which a channel differs.
     pub max_steps: u8,

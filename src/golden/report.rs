@@ -73,7 +73,7 @@ impl CheckReport {
 }
 
 impl CaseReport {
-    /// A case of which nothing good is known yet.
+    /// A case without a blessed picture.
     pub(super) fn failed(id: &CaseId, bless: String) -> Self {
         Self {
             case: id.clone(),

@@ -66,7 +66,7 @@ pub enum IsolationError {
     /// It took too long.
     #[error("reading the file took longer than {} s", PATIENCE.as_secs())]
     TooLong,
-    /// No caller waits for the result any more.
+    /// Every caller has stopped waiting for the result.
     #[error(transparent)]
     Cancelled(#[from] BudgetError),
     /// The memory of this machine is too small for the result.

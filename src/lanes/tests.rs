@@ -278,7 +278,7 @@ fn every_read_outside_is_refused() {
     }
 }
 
-/// Reads the bytes of a slice by turns.
+/// Reads the bytes of a slice, from its start again after its end.
 struct Turns<'a>(&'a [u8]);
 
 impl Kernel for Turns<'_> {

@@ -54,7 +54,7 @@ impl Light {
     /// Most lights of a request.
     pub const MAX: usize = 4;
 
-    /// Checks ranges; `index` is for the messages.
+    /// Checks ranges; messages contain `index`.
     pub(super) fn validate(&self, index: usize) -> Result<(), RequestError> {
         let refuse = |key: &str, found: String, allowed: &str| {
             Err(RequestError::new(&format!("lights[{index}].{key}"), &found, allowed))
@@ -85,7 +85,7 @@ impl Light {
         Ok(())
     }
 
-    /// Where it is for this camera.
+    /// Its position or direction for this camera.
     pub(super) fn in_view(&self, camera: &Camera) -> InView {
         match self.placement {
             Placement::ViewDirection(direction) => InView::Direction(direction.xyz.normalize_or_zero()),

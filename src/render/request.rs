@@ -110,7 +110,7 @@ pub struct RenderRequest {
     pub mode: Mode,
     /// Colour and opacity of values.
     pub transfer: TransferFunction,
-    /// Which values a sample of mode composite stands for.
+    /// The values that a sample of mode composite represents.
     pub classification: Classification,
     /// The surfaces of mode isosurface, values rising; none in other modes.
     pub surfaces: Vec<Surface>,

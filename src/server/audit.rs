@@ -71,7 +71,7 @@ pub struct AuditSummary {
     pub contains: bool,
 }
 
-/// The subject of a request: what a record says of it.
+/// The subject of a request, as a record names it.
 pub(super) struct Subject {
     method: String,
     route: String,

@@ -234,8 +234,8 @@ impl RenderService {
         self.shared.is_healthy.load(Ordering::Relaxed)
     }
 
-    /// Takes no more orders, lets the queue run empty and waits for the thread; blocks. A thread
-    /// that makes no progress is not waited for. A second call does nothing.
+    /// Refuses further orders, and waits until the queue is empty and the thread has ended; blocks. A
+    /// thread that makes no progress is not waited for. A second call does nothing.
     pub fn shut_down(&self) {
         drop(lock(&self.queue).take());
         let Some(thread) = lock(&self.thread).take() else { return };

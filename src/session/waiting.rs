@@ -65,7 +65,7 @@ pub(super) struct Waiting {
     interruptions: u32,
     /// Time that it was rendered.
     spent_ms: f64,
-    /// The virtual time at which it is finished.
+    /// The virtual time of its end.
     finish_ms: f64,
     arrival: u64,
 }

@@ -182,7 +182,7 @@ async fn begin(pool: &AnyPool, statement: &'static str) -> Result<Transaction<'s
     for _ in 0..=READERS {
         match pool.begin_with(statement).await {
             Err(sqlx::Error::InvalidSavePointStatement | sqlx::Error::BeginFailed) => {
-                // It is of no use any more: how it ends does not matter.
+                // The connection cannot be used again; the result of closing it does not matter.
                 let _ = pool.acquire().await?.close().await;
             }
             begun => return Ok(begun?),

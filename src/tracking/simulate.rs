@@ -286,7 +286,7 @@ fn halves(report: InputReport) -> Vec<InputReport> {
     vec![half(Half::First, x, z >> 4, [a, b]), half(Half::Second, y, z & 0x0f, [c, d])]
 }
 
-/// Which LED has which of the camera's four slots.
+/// The LEDs in the four slots of the camera.
 #[derive(Default)]
 struct Slots([Option<usize>; 4]);
 

@@ -180,7 +180,7 @@ impl Volume {
         removed.as_ref().unwrap_or(self)
     }
 
-    /// Where it has which values, in coarse cells; computed once, then remembered by all clones.
+    /// The distribution of its values, in coarse cells; computed once, then remembered by all clones.
     #[must_use]
     pub fn occupancy(&self) -> &Arc<Occupancy> {
         self.derived.occupancy.get_or_init(|| Arc::new(Occupancy::new(self)))

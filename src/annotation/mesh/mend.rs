@@ -15,7 +15,7 @@ use super::TriangleMesh;
 use super::fans::{Fan, Fans};
 use relief_base::Point;
 
-/// A side of a triangle: the triangle, and the corner (0 to 2) at which it begins.
+/// A side of a triangle: the triangle, and its first corner (0 to 2).
 type Side = (usize, usize);
 
 impl TriangleMesh {

@@ -40,7 +40,7 @@ struct GrowingSeries {
     is_committed: bool,
 }
 
-/// A series of which no more objects have arrived for a while.
+/// A series that has received no objects for a while.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CompletedSeries {
     /// Its folder.

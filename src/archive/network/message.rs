@@ -48,9 +48,9 @@ impl Status {
 pub(super) enum Request {
     /// C-ECHO.
     Echo { message: u16, sop_class: String },
-    /// C-STORE, of which the data set follows.
+    /// C-STORE; its data set follows.
     Store { message: u16, sop_class: String, sop_instance: String },
-    /// N-ACTION for storage commitment, of which the data set follows.
+    /// N-ACTION for storage commitment; its data set follows.
     Commit { message: u16, sop_class: String, sop_instance: String },
     /// The response to a report, which needs none.
     Reported,

@@ -244,7 +244,7 @@ impl CopyFolder {
         };
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let gone = self.folder.join(format!("{UNDER_WAY}{}-{}", std::process::id(), since.as_nanos()));
-        // First it is no copy any more, then it is gone.
+        // It loses its name first; then its files are removed.
         !is_in_use && std::fs::rename(folder, &gone).and_then(|()| std::fs::remove_dir_all(&gone)).is_ok()
     }
 }

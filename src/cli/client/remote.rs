@@ -93,7 +93,7 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Lets go of everything when nothing comes any more.
+/// Releases everything when messages stop.
 fn watch_for_silence(hand: Arc<Mutex<RemoteReader>>) -> anyhow::Result<()> {
     let watch = move || {
         loop {

@@ -32,7 +32,7 @@ impl Readers {
     /// Readers that keep to the limits of the adapter; whether they are used decides what is tried.
     ///
     /// # Errors
-    /// When this system cannot isolate what is used.
+    /// When this system lacks the isolation that is used.
     pub(crate) fn new(isolation: Isolation, is_used: bool, limits: VolumeLimits) -> anyhow::Result<Self> {
         match isolation {
             Isolation::On => Self::isolated(is_used, limits),

@@ -48,7 +48,7 @@ pub(super) const CORNERSTONE_ANGLE: &str = "Cornerstone3DTools@^0.1.0:Angle";
 pub(super) const CORNERSTONE_FREEHAND: &str = "Cornerstone3DTools@^0.1.0:PlanarFreehandROI";
 pub(super) const CORNERSTONE_SPLINE: &str = "Cornerstone3DTools@^0.1.0:PlanarFreehandROI:SplineROI";
 
-/// The scheme of codes that stand for nothing but a name.
+/// The scheme of codes that only represent a name.
 pub(super) const NAMES: &str = "99RELIEF";
 /// Schemes whose codes stand for a name, or for free text.
 pub(super) const NAMES_ONLY: [&str; 2] = [NAMES, "CORNERSTONEJS"];

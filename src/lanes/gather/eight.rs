@@ -119,7 +119,7 @@ fearless_simd::kernel!(
         let [a, b, c, d, e, f, g, h] = rows;
         let even = _mm256_set_m128i(_mm_set_epi64x(f, e), _mm_set_epi64x(b, a));
         let odd = _mm256_set_m128i(_mm_set_epi64x(h, g), _mm_set_epi64x(d, c));
-        // Rows 0 and 2, 1 and 3 of each half by turns; then all four.
+        // Rows 0 and 2, 1 and 3 of each half are interleaved; then all four.
         let (first, second) = (_mm256_unpacklo_epi16(even, odd), _mm256_unpackhi_epi16(even, odd));
         let (low, high) = (_mm256_unpacklo_epi16(first, second), _mm256_unpackhi_epi16(first, second));
         [

@@ -39,7 +39,7 @@ pub struct ViewState {
     pub(super) placing: bool,
     pub(super) grab: Option<Grab>,
     pub(super) history: VecDeque<Aspect>,
-    /// The steps that may go on, and when each last did: a pinch zooms and pans by turns.
+    /// The steps that may go on, and when each last did: a pinch zooms and pans alternately.
     pub(super) going: Vec<(ChangeKind, u64)>,
     pub(super) revision: u64,
 }

@@ -101,7 +101,7 @@ fn prune_function(module: &Module, function: &mut Function) {
         }
         decided = found;
     }
-    // Names would keep what nothing uses any more.
+    // Names would keep items that are no longer used.
     function.named_expressions.clear();
 }
 

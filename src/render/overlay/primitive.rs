@@ -43,7 +43,7 @@ impl Primitive {
         }
     }
 
-    /// The box of pixels outside of which nothing is: left, top, right, bottom.
+    /// The box that contains all its pixels: left, top, right, bottom.
     pub(super) fn bounds(&self) -> [f64; 4] {
         match &self.shape {
             PrimitiveForm::Ball(ball) => ball.bounds,

@@ -53,7 +53,7 @@ struct Layer {
     depth_mm: Vec<f32>,
 }
 
-/// A picture of which some rows are cast.
+/// A picture with some rows cast.
 struct Picture {
     front: Layer,
     back: Option<Layer>,

@@ -1,6 +1,6 @@
 //! Pre-integrated classification; as `shaders/lib/passage.wgsl`.
 //!
-//! A sample stands for all values that its path passes: those at its ends, half a sample distance to
+//! A sample represents all values on its path: those at its ends, half a sample distance to
 //! both sides, and in its middle, and linear between. Values in HU, distances in mm along the rays.
 
 use std::f64::consts::{LN_2, LOG2_E};

@@ -264,7 +264,7 @@ impl SceneFile {
         Self { quality: Some(quality), ..self }
     }
 
-    /// Replaces which values a sample stands for.
+    /// Replaces the values that a sample represents.
     #[must_use]
     pub fn with_classification(self, classification: Classification) -> Self {
         Self { classification: Some(classification), ..self }
@@ -330,7 +330,7 @@ impl SceneFile {
         Self { table: Some(table), ..self }
     }
 
-    /// Replaces what a camera is fitted to.
+    /// Replaces the fit of the camera.
     #[must_use]
     pub fn with_frame(self, frame: FramingRule) -> Self {
         Self { frame: Some(frame), ..self }

@@ -16,7 +16,7 @@ use relief_volume::{Camera, CameraError, Grid, NamedPlane, Orbit, PlaneView};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SliceFile {
-    /// Which way it lies, and the side from which it is seen.
+    /// Its orientation, and the side that faces the eye.
     pub plane: SlicePlane,
     /// A point of the plane, in the middle of the picture; the volume's centre when left out.
     pub center_mm: Option<[f64; 3]>,

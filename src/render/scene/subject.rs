@@ -30,7 +30,7 @@ pub enum SubjectContent<'a> {
     Volume(&'a Volume),
     /// Results of an earlier computation. The voxels need not be in memory.
     Known {
-        /// Where the volume has which values; `None` fits cameras as for [`SubjectContent::Unknown`].
+        /// The distribution of values in the volume; `None` fits cameras as for [`SubjectContent::Unknown`].
         occupancy: Option<&'a Occupancy>,
         /// [`framing_of_tissue`](super::super::framing::framing_of_tissue).
         tissue: &'a Framing,
@@ -46,7 +46,7 @@ impl<'a> Subject<'a> {
         Self { grid: volume.grid(), content: SubjectContent::Volume(volume), labels }
     }
 
-    /// A grid of which nothing else is known.
+    /// A grid without knowledge of its values.
     #[must_use]
     pub fn of_grid(grid: &'a Grid) -> Self {
         Self { grid, content: SubjectContent::Unknown, labels: None }
@@ -62,7 +62,7 @@ impl<'a> Subject<'a> {
 }
 
 impl<'a> SubjectContent<'a> {
-    /// Where the volume has which values.
+    /// The distribution of values in the volume.
     pub(in super::super) fn occupancy(self) -> Option<&'a Occupancy> {
         match self {
             Self::Unknown => None,

@@ -29,7 +29,7 @@ pub fn shading_json(shading: &Shading) -> Value {
     json!({ "ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": shininess })
 }
 
-/// A preset with all that it stands for: `mode`, `transfer` and `shading` are those of a request
+/// A preset with all its settings: `mode`, `transfer` and `shading` are those of a request
 /// that says the same.
 #[must_use]
 pub fn preset_json(preset: &Preset) -> Value {

@@ -11,7 +11,7 @@ use relief_base::sha256_of;
 /// How often the file is looked at, at most.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// The tokens of a file. A file that cannot be read any more leaves the last tokens valid.
+/// The tokens of a file. A file that becomes unreadable leaves the last tokens valid.
 #[derive(Debug)]
 pub struct Tokens {
     path: PathBuf,

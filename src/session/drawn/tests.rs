@@ -1,4 +1,4 @@
-//! Shapes of items, held against geometry.
+//! Shapes of items, compared with geometry.
 
 use std::sync::Arc;
 

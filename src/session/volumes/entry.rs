@@ -52,7 +52,8 @@ pub struct VolumeEntry {
     pub hash: ContentHash,
     /// Whether the volume is in memory a second time, without its table.
     pub(super) has_copy: bool,
-    /// Where the volume has which values, its table left out, also when its voxels are out of memory.
+    /// The distribution of values in the volume without its table. It stays when the voxels are
+    /// dropped from memory.
     pub(super) occupancy: Arc<Occupancy>,
     /// Which part of a body the volume shows.
     pub anatomy: Anatomy,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use relief_volume::Volume;
 
-/// Reads a series again. Blocks. Its error is for the log.
+/// Reads a series again. Blocks. Its error is logged.
 pub type VolumeReader = Arc<dyn Fn() -> Result<Volume, Box<dyn Error + Send + Sync>> + Send + Sync>;
 
 /// The voxels of one volume.

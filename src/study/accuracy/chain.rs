@@ -27,7 +27,7 @@ const ASIDE_MM: f64 = 40.0;
 /// From the patient to the eye of the standard views: front, back, left, right, head, feet.
 const STANDARD: [DVec3; 6] = [DVec3::NEG_Y, DVec3::Y, DVec3::X, DVec3::NEG_X, DVec3::Z, DVec3::NEG_Z];
 
-/// A landmark and the frame in which it is placed.
+/// A landmark and the frame of its placement.
 pub(super) struct PresentedLandmark {
     frame: RenderedFrame,
     truth: Point<Patient>,

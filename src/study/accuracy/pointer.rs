@@ -111,7 +111,7 @@ impl PointerKind {
     }
 
     /// For each of `count` placings, and each mapping: how far from the place that was meant the
-    /// cursor was set down, mm along view axes. `height_mm` is what the picture shows.
+    /// cursor was set down, mm along view axes. `height_mm` is that of the picture.
     ///
     /// # Errors
     /// When a hand is not tracked.

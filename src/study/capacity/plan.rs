@@ -45,7 +45,7 @@ pub struct ViewerHabits {
     pub edits_per_hour: f64,
     /// Highest planned load of a server, 0 to 1.
     pub load: f64,
-    /// Highest share of the time in which more views move at once than the server can render.
+    /// Highest share of time in which more views move together than the server can render.
     pub crowded: f64,
 }
 

@@ -43,7 +43,7 @@ impl Axis {
 #[derive(Clone, Debug)]
 pub struct PoseFilter {
     position: [Axis; 3],
-    /// The turn since `reference`, of which the value is always zero but for the update itself.
+    /// The turn since `reference`; its value is zero except during an update.
     turn: [Axis; 3],
     reference: UnitQuaternion<f64>,
     motion: MotionDensity,

@@ -50,7 +50,7 @@ pub struct PinholeError {
 }
 
 impl Pinhole {
-    /// A Wiimote of which nothing is known: 1340 px, the principal point in the middle.
+    /// A Wiimote without a calibration: 1340 px, the principal point in the middle.
     pub const TYPICAL: Self = Self::simple(TYPICAL_FOCAL_PX);
 
     /// Square pixels, the principal point in the middle of 1024 x 768, no distortion.

@@ -23,7 +23,7 @@ pub struct PaperSolution {
     pub energy: f64,
     /// Newton steps taken.
     pub iterations: usize,
-    /// Whether it ended because nothing moved any more.
+    /// Whether it converged.
     pub converged: bool,
 }
 

@@ -34,7 +34,7 @@ use super::solve::{MAX_SEEN, PoseView, Sighting, paper};
 use associate::Association;
 use sightings::Sightings;
 
-/// After this long without a pose it is no hint any more, seconds.
+/// A pose older than this is not used as a hint, seconds.
 const HINT_S: f64 = 2.0;
 
 /// For how long an error of the accelerometer's up lasts, seconds.
@@ -50,7 +50,7 @@ pub enum TrackingState {
     Tracking,
     /// There are blobs, but more than one pose explains them.
     Ambiguous,
-    /// There was a pose, but not any more.
+    /// The pose was lost.
     Lost,
 }
 

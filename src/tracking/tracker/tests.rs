@@ -1,4 +1,4 @@
-//! Trackers on simulated recordings, of which the truth is known.
+//! Trackers on simulated recordings with known poses.
 
 use nalgebra::Vector6;
 

@@ -52,7 +52,7 @@ impl Framing {
         Self { center, shape: Shape::Sphere(radius_mm), narrowest: 1.0 }
     }
 
-    /// A sphere that stands for a body: the smallest with which all of it stays in pictures of `orbit`
+    /// A sphere that represents a body: the smallest with which all of it stays in pictures of `orbit`
     /// that are `aspect` times as wide as high.
     #[must_use]
     pub fn sphere_of(body: &Self, orbit: &Orbit, aspect: f64) -> Self {
@@ -101,7 +101,7 @@ impl Framing {
         let mut rim: Vec<Option<[f64; 2]>> = vec![None; SLICES + 2];
         let mut front: Vec<[Option<[DVec3; 2]>; COLUMNS + 1]> = vec![[None; COLUMNS + 1]; SLICES + 2];
         for at in points.iter().map(|point| point.xyz - center) {
-            // The outermost slices are flat, so that no lower point stands for the top.
+            // The outermost slices are flat, so that no lower point is taken for the top.
             let slice = match at.z {
                 z if 2.0 * z <= -size.z => 0,
                 z if 2.0 * z >= size.z => SLICES + 1,

@@ -114,7 +114,7 @@ pub struct LabelMap {
     hash: OnceLock<ContentHash>,
 }
 
-/// Voxels are left out: there are millions. The hash stands for them.
+/// Voxels are left out, since there are millions. The hash identifies them.
 impl std::fmt::Debug for LabelMap {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_tuple("LabelMap").field(&self.content_hash()).finish()

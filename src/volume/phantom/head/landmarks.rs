@@ -13,7 +13,7 @@ use super::edge::Edge;
 use super::soft::{EYE_CENTER, EYE_RADIUS, LENS_CENTER, LENS_RADII};
 use super::tissue::{self, Anatomy};
 
-/// Edges this sharp stand for none at all.
+/// An edge so sharp that it moves no landmark.
 const SHARP: Edge = Edge { half_width_mm: 0.02 };
 /// Lines are followed in pieces of this length, each with the parts near it.
 const PIECE_MM: f32 = 8.0;

@@ -177,7 +177,7 @@ pub(super) fn is_line<const N: usize>(node: &Node<N>) -> bool {
 }
 
 impl NodeFraction {
-    /// A way of which `share` is done, bent by `sharpness`.
+    /// The blend of two nodes at `share` of the way between them, bent by `sharpness`.
     fn new(share: f64, sharpness: f64) -> Self {
         if sharpness > STEP {
             return Self::Step { is_over: share >= 0.5 };

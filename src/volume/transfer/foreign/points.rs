@@ -16,13 +16,13 @@ pub(super) const TOLERANCE: f64 = 1.0 / 1024.0;
 /// this; then nodes are all that is left.
 const WORST: f64 = 1.0 / 16.0;
 
-/// Parts of a way at whose ends it is held against a straight line.
+/// Parts of a segment of a curve; the ends of each are compared with a straight line.
 const PROBES: u32 = 24;
 
 /// Halvings of the way between two nodes, at most.
 const HALVINGS: u32 = 12;
 
-/// Half the length of the ramp that stands for a leap, HU: less than a table resolves. Of functions
+/// Half the length of the ramp that replaces a step, HU: less than a table resolves. Of functions
 /// that span little, such as those of 0 to 1, it is a part of their span.
 const HALF_RAMP_HU: f64 = 1.0 / 64.0;
 const HALF_RAMP_SHARE: f64 = 1.0 / 65536.0;
