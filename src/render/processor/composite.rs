@@ -8,31 +8,25 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::request::DepthRule;
+use super::history::History;
 use super::passage::rgb;
 use super::pending::Pending;
 use super::ray::Rays;
 use super::scene::{Hit, OPAQUE, Scene, VISIBLE};
 use super::walk::Walk;
 
-/// The number of a sample before all samples.
-const NO_SAMPLE: f64 = -2.0;
 /// Half of a pre-integrated sample that adds less than this share of it is lit like the other half.
 const LITTLE: f64 = 0.125;
 
 /// The result of rays.
-pub(super) struct Gathered<L: Lanes> {
+pub(super) struct Gathered<'h, L: Lanes> {
     /// Premultiplied.
     pub(super) color: Triple<L::Real>,
     pub(super) opacity: L::Real,
     /// The first visible sample.
     pub(super) first: L::Real,
-    /// The last visible sample, and the opacity before it.
-    last: L::Real,
-    before_last: L::Real,
-    /// The sample that takes opacity to the threshold of an opaque ray, and the opacity before the
-    /// one before it and before itself.
-    pub(super) crossing: L::Real,
-    pub(super) before_crossing: [L::Real; 2],
+    /// The visible samples, for the rules that look them up.
+    pub(super) history: Option<&'h mut History<L>>,
 }
 
 /// The kind of samples. Waiting ones have N components.
@@ -40,7 +34,7 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
     /// Adds samples k of the chosen rays behind those before; says whether any of them is visible.
     fn gather(
         scene: &Scene<'_, L>,
-        sum: &mut Gathered<L>,
+        sum: &mut Gathered<'_, L>,
         pending: &mut Pending<L, N>,
         rays: &Rays<L>,
         k: L::Real,
@@ -77,8 +71,8 @@ pub(super) struct Classified;
 pub(super) struct Paths;
 
 impl<L: Lanes> Scene<'_, L> {
-    /// Casts the chosen rays from samples `start` on; the depth is by `rule`. Returns the first
-    /// visible samples too.
+    /// Casts the chosen rays from samples `start` on; the depth is by `rule`. `history` gets their
+    /// visible samples. Returns the first visible samples too.
     #[inline(always)]
     pub(super) fn composite(
         &self,
@@ -86,22 +80,26 @@ impl<L: Lanes> Scene<'_, L> {
         walk: &Walk<L>,
         start: L::Real,
         rule: DepthRule,
+        history: &mut History<L>,
         chosen: L::Mask,
     ) -> (Hit<L>, L::Real) {
+        history.clear();
+        let looks_up = matches!(rule, DepthRule::Threshold { .. } | DepthRule::TwoLayer { .. });
+        let history = looks_up.then_some(history);
         let sum = if self.is_plain() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Plain, 5>(rays, walk, start, chosen),
+                || self.blend::<Plain, 5>(rays, walk, start, history, chosen),
             )
         } else if self.integrals.is_some() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Paths, 7>(rays, walk, start, chosen),
+                || self.blend::<Paths, 7>(rays, walk, start, history, chosen),
             )
         } else {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Classified, 5>(rays, walk, start, chosen),
+                || self.blend::<Classified, 5>(rays, walk, start, history, chosen),
             )
         };
         let hits = chosen & self.number(VISIBLE).le(sum.opacity);
@@ -123,6 +121,7 @@ impl<L: Lanes> Scene<'_, L> {
         rays: &Rays<L>,
         walk: &Walk<L>,
         first: L::Real,
+        history: &mut History<L>,
         chosen: L::Mask,
     ) -> Hit<L> {
         let end = self.lanes.apart(
@@ -134,29 +133,23 @@ impl<L: Lanes> Scene<'_, L> {
             return self.miss();
         }
         let rule = DepthRule::Threshold { fraction: self.request.depth.fraction().unwrap_or(0.0) };
-        self.composite(rays, walk, end, rule, goes_on).0
+        self.composite(rays, walk, end, rule, history, goes_on).0
     }
 
     /// Blends all samples of the chosen rays from samples `start` on.
     #[inline(always)]
-    fn blend<B: Blend<L, N>, const N: usize>(
+    fn blend<'h, B: Blend<L, N>, const N: usize>(
         &self,
         rays: &Rays<L>,
         walk: &Walk<L>,
         start: L::Real,
+        history: Option<&'h mut History<L>>,
         chosen: L::Mask,
-    ) -> Gathered<L> {
+    ) -> Gathered<'h, L> {
         let (zero, one, opaque) = (self.number(0.0), self.number(1.0), self.number(OPAQUE));
         let count = self.view.sample_counts(rays);
-        let mut sum: Gathered<L> = Gathered {
-            color: Triple([zero; 3]),
-            opacity: zero,
-            first: count,
-            last: self.number(NO_SAMPLE),
-            before_last: zero,
-            crossing: count,
-            before_crossing: [zero; 2],
-        };
+        let mut sum: Gathered<'h, L> =
+            Gathered { color: Triple([zero; 3]), opacity: zero, first: count, history };
         let mut pending = Pending::new(self.lanes, rays);
         let mut k = start;
         let mut has_shown = false;
@@ -213,7 +206,7 @@ impl<L: Lanes> Blend<L, 5> for Plain {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
-        sum: &mut Gathered<L>,
+        sum: &mut Gathered<'_, L>,
         pending: &mut Pending<L, 5>,
         rays: &Rays<L>,
         k: L::Real,
@@ -260,7 +253,7 @@ impl<L: Lanes> Blend<L, 5> for Classified {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
-        sum: &mut Gathered<L>,
+        sum: &mut Gathered<'_, L>,
         pending: &mut Pending<L, 5>,
         rays: &Rays<L>,
         k: L::Real,
@@ -293,7 +286,7 @@ impl<L: Lanes> Blend<L, 7> for Paths {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
-        sum: &mut Gathered<L>,
+        sum: &mut Gathered<'_, L>,
         pending: &mut Pending<L, 7>,
         rays: &Rays<L>,
         k: L::Real,
@@ -333,32 +326,18 @@ impl<L: Lanes> Blend<L, 7> for Paths {
     }
 }
 
-impl<L: Lanes> Gathered<L> {
+impl<L: Lanes> Gathered<'_, L> {
     /// Blends samples k of these opacities, which are visible in the chosen lanes; returns their
     /// weights.
     #[inline(always)]
     fn add(&mut self, scene: &Scene<'_, L>, k: L::Real, opacity: L::Real, shows: L::Mask) -> L::Real {
         let before = self.opacity;
         let weight = (scene.number(1.0) - before) * opacity;
-        self.note(scene, k, shows);
+        self.first = self.first.min(k).or_where_not(shows, self.first);
+        if let Some(history) = &mut self.history {
+            history.push(k, before, shows);
+        }
         self.opacity = (before + weight).or_where_not(shows, before);
         weight
-    }
-
-    /// Notes samples k, which are visible in the chosen lanes, before they are blended.
-    #[inline(always)]
-    fn note(&mut self, scene: &Scene<'_, L>, k: L::Real, shows: L::Mask) {
-        let before = self.opacity;
-        self.first = self.first.min(k).or_where_not(shows, self.first);
-        let is_early = shows & before.lt(scene.depth_fraction * scene.number(OPAQUE));
-        let follows = (k - scene.number(1.0)).le(self.last);
-        let before_both = self.before_last.or_where_not(follows, before);
-        self.crossing = k.or_where_not(is_early, self.crossing);
-        self.before_crossing = [
-            before_both.or_where_not(is_early, self.before_crossing[0]),
-            before.or_where_not(is_early, self.before_crossing[1]),
-        ];
-        self.last = k.or_where_not(shows, self.last);
-        self.before_last = before.or_where_not(shows, self.before_last);
     }
 }

@@ -6,9 +6,9 @@
 use relief_lanes::{Lanes, Mask as _, Real as _};
 
 use super::composite::Gathered;
+use super::history::Crossing;
 use super::ray::Rays;
-use super::scene::{OPAQUE, Scene};
-use super::walk::Walk;
+use super::scene::Scene;
 
 /// Parts into which each level divides the neighbourhood of a crossing.
 const PARTS: usize = 4;
@@ -62,43 +62,21 @@ impl<L: Lanes> Scene<'_, L> {
         at_once.or_where_not(is_inside, inside)
     }
 
-    /// Where accumulated opacity crosses its share of `opacity`, the chosen rays' final one: first the
-    /// sample whose slab holds the crossing, then finer and finer parts of that slab and of the one
-    /// before it.
+    /// Where accumulated opacity crosses its share of `opacity`: first the sample whose slab holds the
+    /// crossing, then finer and finer parts of that slab and of the one before it.
     #[inline(always)]
     pub(super) fn threshold_crossing(
         &self,
         rays: &Rays<L>,
-        walk: &Walk<L>,
-        sum: &Gathered<L>,
+        sum: &Gathered<'_, L>,
         opacity: L::Real,
         chosen: L::Mask,
     ) -> L::Real {
         let (zero, one) = (self.number(0.0), self.number(1.0));
-        let target = self.depth_fraction * opacity;
-        let count = self.view.sample_counts(rays);
-        let is_opaque = self.number(OPAQUE).le(opacity);
-        let mut before = sum.before_crossing[0].or_where_not(is_opaque, zero);
-        let mut accumulated = sum.before_crossing[1].or_where_not(is_opaque, zero);
-        let mut k = sum.crossing.or_where_not(is_opaque, sum.first);
-        let mut searching = chosen;
-        loop {
-            searching = searching & k.lt(count);
-            if !searching.any() {
-                break;
-            }
-            let (next_k, skips) = self.bricks.past_empty(walk, k, searching).unwrap_or((k, self.none()));
-            let taken = searching & !skips;
-            let opacity = self.sample_opacity(rays, k);
-            let next = accumulated + (one - accumulated) * opacity;
-            let goes_on = taken & next.lt(target);
-            let moved = goes_on | skips;
-            before = accumulated.or_where_not(moved, before);
-            accumulated = next.or_where_not(goes_on, accumulated);
-            let behind = (k + one).or_where_not(goes_on, next_k);
-            k = behind.or_where_not(moved, k);
-            searching = moved;
-        }
+        // Opacities of a layer are read anew and may be rounded otherwise.
+        let target = (self.depth_fraction * opacity).min(sum.opacity);
+        let Some(history) = &sum.history else { return zero };
+        let Crossing { k, before } = history.crossing(sum.opacity, target, chosen);
         let start = (k - one).max(zero);
         let begin = self.view.sample_t(rays, start - self.number(0.5));
         self.refine_crossing(rays, begin, k - start + one, [before, target], chosen)

@@ -70,15 +70,15 @@ impl<L: Lanes> Scene<'_, L> {
         rule: DepthRule,
         rays: &Rays<L>,
         walk: &Walk<L>,
-        sum: &Gathered<L>,
+        sum: &Gathered<'_, L>,
         chosen: L::Mask,
     ) -> L::Real {
         match rule {
             DepthRule::FirstHit => self.first_hit(rays, sum.first),
-            DepthRule::Threshold { .. } => self.threshold_crossing(rays, walk, sum, sum.opacity, chosen),
+            DepthRule::Threshold { .. } => self.threshold_crossing(rays, sum, sum.opacity, chosen),
             DepthRule::TwoLayer { .. } => {
                 let opacity = self.front_layer(rays, walk, sum.first, chosen).opacity;
-                self.threshold_crossing(rays, walk, sum, opacity, chosen)
+                self.threshold_crossing(rays, sum, opacity, chosen)
             }
             DepthRule::MaxOpacity => self.max_opacity(rays, walk, sum.first, chosen),
             DepthRule::MostContributing => self.most_contributing(rays, walk, sum.first, chosen),

@@ -33,6 +33,7 @@ mod crossing;
 mod deal;
 mod depth_rules;
 mod field;
+mod history;
 mod illuminate;
 mod light_cells;
 mod lights;

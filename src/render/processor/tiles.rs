@@ -8,6 +8,7 @@ use relief_lanes::{Kernel, Lanes, MOST_LANES, Mask as _, Real as _, Triple};
 use super::super::chosen::BLOCK_PX;
 use super::super::mode::Mode;
 use super::super::region::Region;
+use super::history::History;
 use super::ray::Rays;
 use super::scene::{Hit, Job, Scene};
 use super::walk::Walk;
@@ -50,12 +51,13 @@ impl Kernel for Rows<'_> {
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
         let scene = self.job.scene(lanes);
+        let mut history = History::new(lanes);
         let size = packet(L::COUNT);
         let rows = self.rows();
         for row in (0..rows).step_by(size[1] as usize) {
             let Region { first: [left, _], size: [columns, _] } = self.region;
             for column in (left..left + columns).step_by(size[0] as usize) {
-                self.cast_packet(&scene, Packet { first: [column, row], size });
+                self.cast_packet(&scene, &mut history, Packet { first: [column, row], size });
             }
         }
     }
@@ -83,7 +85,7 @@ impl Rows<'_> {
     }
 
     #[inline(always)]
-    fn cast_packet<L: Lanes>(&mut self, scene: &Scene<'_, L>, packet: Packet) {
+    fn cast_packet<L: Lanes>(&mut self, scene: &Scene<'_, L>, history: &mut History<L>, packet: Packet) {
         let lanes = scene.lanes;
         let is_cast = |lane: usize| self.is_cast(packet.place(lane));
         let inside = if (0..L::COUNT).all(is_cast) {
@@ -98,7 +100,7 @@ impl Rows<'_> {
         let first = self.first;
         let rays = scene.view.rays(columns, lanes.by_lane(|lane| (first + packet.place(lane)[1]).into()));
         let walk = scene.bricks.walk(&rays);
-        let (hit, back) = scene.cast(&rays, &walk, inside);
+        let (hit, back) = scene.cast(&rays, &walk, history, inside);
         self.front.put(scene, packet, &rays, &hit, inside);
         if let (Some(layer), Some(back)) = (&mut self.back, back) {
             layer.put(scene, packet, &rays, &back, inside);
@@ -109,15 +111,21 @@ impl Rows<'_> {
 impl<L: Lanes> Scene<'_, L> {
     /// The chosen rays, and the layer behind the first where the request has one.
     #[inline(always)]
-    fn cast(&self, rays: &Rays<L>, walk: &Walk<L>, chosen: L::Mask) -> (Hit<L>, Option<Hit<L>>) {
+    fn cast(
+        &self,
+        rays: &Rays<L>,
+        walk: &Walk<L>,
+        history: &mut History<L>,
+        chosen: L::Mask,
+    ) -> (Hit<L>, Option<Hit<L>>) {
         let hit = match self.request.mode {
             Mode::Composite | Mode::PathTraced => {
                 let (zero, rule) = (self.number(0.0), self.request.depth);
-                let (hit, first) = self.composite(rays, walk, zero, rule, chosen);
+                let (hit, first) = self.composite(rays, walk, zero, rule, history, chosen);
                 let back = self
                     .request
                     .has_back_layer()
-                    .then(|| self.back_layer(rays, walk, first, chosen & zero.lt(hit.opacity)));
+                    .then(|| self.back_layer(rays, walk, first, history, chosen & zero.lt(hit.opacity)));
                 return (hit, back);
             }
             Mode::Slice(blend) => self.lanes.apart(
