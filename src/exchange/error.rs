@@ -64,7 +64,7 @@ pub enum ExchangeError {
     Needs {
         /// The format wanted.
         format: Format,
-        /// What is missing, and how to give it.
+        /// The missing input.
         what: &'static str,
     },
     /// A report that `dicom` refuses.

@@ -25,8 +25,8 @@ pub(super) struct Gathered<'h, L: Lanes> {
     pub(super) opacity: L::Real,
     /// The first visible sample.
     pub(super) first: L::Real,
-    /// The visible samples, for the rules that look them up.
-    pub(super) history: Option<&'h mut History<L>>,
+    /// The visible samples.
+    pub(super) history: &'h mut History<L>,
 }
 
 /// The kind of samples. Waiting ones have N components.
@@ -84,8 +84,6 @@ impl<L: Lanes> Scene<'_, L> {
         chosen: L::Mask,
     ) -> (Hit<L>, L::Real) {
         history.clear();
-        let looks_up = matches!(rule, DepthRule::Threshold { .. } | DepthRule::TwoLayer { .. });
-        let history = looks_up.then_some(history);
         let sum = if self.is_plain() {
             self.lanes.apart(
                 #[inline(always)]
@@ -143,7 +141,7 @@ impl<L: Lanes> Scene<'_, L> {
         rays: &Rays<L>,
         walk: &Walk<L>,
         start: L::Real,
-        history: Option<&'h mut History<L>>,
+        history: &'h mut History<L>,
         chosen: L::Mask,
     ) -> Gathered<'h, L> {
         let (zero, one, opaque) = (self.number(0.0), self.number(1.0), self.number(OPAQUE));
@@ -334,9 +332,7 @@ impl<L: Lanes> Gathered<'_, L> {
         let before = self.opacity;
         let weight = (scene.number(1.0) - before) * opacity;
         self.first = self.first.min(k).or_where_not(shows, self.first);
-        if let Some(history) = &mut self.history {
-            history.push(k, before, shows);
-        }
+        self.history.push(k, before, shows);
         self.opacity = (before + weight).or_where_not(shows, before);
         weight
     }

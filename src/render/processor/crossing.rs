@@ -75,8 +75,7 @@ impl<L: Lanes> Scene<'_, L> {
         let (zero, one) = (self.number(0.0), self.number(1.0));
         // Opacities of a layer are read anew and may be rounded otherwise.
         let target = (self.depth_fraction * opacity).min(sum.opacity);
-        let Some(history) = &sum.history else { return zero };
-        let Crossing { k, before } = history.crossing(sum.opacity, target, chosen);
+        let Crossing { k, before } = sum.history.crossing(sum.opacity, target, chosen);
         let start = (k - one).max(zero);
         let begin = self.view.sample_t(rays, start - self.number(0.5));
         self.refine_crossing(rays, begin, k - start + one, [before, target], chosen)
