@@ -9,18 +9,20 @@ use relief_store::StoreError;
 use serde::{Deserialize, Serialize};
 
 use super::isolation::IsolationError;
+use super::names::NAMES;
+use super::product::Product;
 use super::query::UnmetCondition;
 
 /// Why a manifest could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// A line is no job.
-    #[error("line {line} is not a valid job: {reason}")]
+    #[error("line {line} is not a valid job: {source}")]
     Line {
         /// From 1.
         line: usize,
         /// Why it is invalid.
-        reason: String,
+        source: JobError,
     },
     /// A job says another key than its content has: it was edited by hand.
     #[error(
@@ -47,6 +49,75 @@ pub enum ManifestError {
     },
 }
 
+/// Why a line of a manifest is not a job.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// The line cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] std::io::Error),
+    /// The line is longer than any job.
+    #[error("longer than {0} bytes")]
+    TooLong(u64),
+    /// The line is not JSON, or has an unknown key or a value of the wrong kind.
+    #[error("{path}: {source}")]
+    Json {
+        /// Path of the key.
+        path: String,
+        /// The error of the JSON parser.
+        source: serde_json::Error,
+    },
+    /// A name could not be part of a file's name.
+    #[error("{key} is {found:?}, allowed: {NAMES}")]
+    Name {
+        /// The key.
+        key: &'static str,
+        /// The name.
+        found: String,
+    },
+    /// A hash has another form.
+    #[error("{0} is no SHA-256 in 64 hexadecimal digits")]
+    Hash(&'static str),
+    /// Nothing would be written.
+    #[error("products is empty, allowed: {}", Product::names())]
+    NoProducts,
+    /// A product draws annotations that the job does not have.
+    #[error("a product draws annotations, and the job has none")]
+    NoAnnotations,
+}
+
+/// Why a row of a table of series is invalid.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    /// The file cannot be read, or is not CSV.
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+    /// A column without a meaning.
+    #[error("unknown column {found:?}, allowed: {}", allowed.join(", "))]
+    UnknownColumn {
+        /// Its heading.
+        found: String,
+        /// The columns of such a table.
+        allowed: &'static [&'static str],
+    },
+    /// The column of the series is missing.
+    #[error("there is no column path")]
+    NoPathColumn,
+    /// A row without a series.
+    #[error("path is empty")]
+    NoPath,
+    /// Two rows have one name.
+    #[error("name {name:?} is that of line {first}, too")]
+    RepeatedName {
+        /// The name.
+        name: String,
+        /// The line that had it first, from 1.
+        first: u64,
+    },
+    /// A name could not be part of a file's name.
+    #[error("name is {0:?}, allowed: {NAMES}")]
+    Name(String),
+}
+
 /// Why nothing was planned.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
@@ -59,14 +130,14 @@ pub enum PlanError {
         source: std::io::Error,
     },
     /// The table of series is invalid.
-    #[error("{}, line {line}: {reason}", path.display())]
+    #[error("{}, line {line}: {source}", path.display())]
     Table {
         /// The table.
         path: PathBuf,
         /// From 1.
         line: u64,
         /// Why it is invalid.
-        reason: String,
+        source: TableError,
     },
     /// The log of annotations gives nothing.
     #[error("--annotations cannot be read: {0}")]

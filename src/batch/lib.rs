@@ -49,7 +49,8 @@ pub use annotations::KeptAnnotations;
 pub use bucket::Bucket;
 pub use copies::{Copies, CopiesOptions, CopyProgress, Local};
 pub use error::{
-    AnnotationsError, Failure, FailureKind, ManifestError, PlanError, SkipReason, ViewError, ViewsError,
+    AnnotationsError, Failure, FailureKind, JobError, ManifestError, PlanError, SkipReason, TableError,
+    ViewError, ViewsError,
 };
 pub use isolation::{IsolatedReader, IsolationError};
 pub use landmarks::LANDMARK_VIEW_MM;

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::annotations::KeptAnnotations;
-use super::error::ManifestError;
-use super::names::{NAMES, is_name};
+use super::error::{JobError, ManifestError};
+use super::names::is_name;
 use super::product::Product;
 use super::source::SeriesSource;
 use relief_volume::Orbit;
@@ -127,10 +127,10 @@ impl Job {
     }
 
     fn check(&self, line: usize) -> Result<(), ManifestError> {
-        let wrong = |reason: String| Err(ManifestError::Line { line, reason });
-        for (what, name) in [("series.name", &self.series.name), ("view", &self.view)] {
+        let wrong = |source| Err(ManifestError::Line { line, source });
+        for (key, name) in [("series.name", &self.series.name), ("view", &self.view)] {
             if !is_name(name) {
-                return wrong(format!("{what} is {name:?}, allowed: {NAMES}"));
+                return wrong(JobError::Name { key, found: name.clone() });
             }
         }
         let hashes = [
@@ -141,14 +141,14 @@ impl Job {
         for (what, hash) in hashes {
             if hash.is_some_and(|hex| hex.len() != 64 || !hex.bytes().all(|digit| digit.is_ascii_hexdigit()))
             {
-                return wrong(format!("{what} is no SHA-256 in 64 hexadecimal digits"));
+                return wrong(JobError::Hash(what));
             }
         }
         if self.products.is_empty() {
-            return wrong(format!("products is empty, allowed: {}", Product::names()));
+            return wrong(JobError::NoProducts);
         }
         if self.annotations.is_none() && self.products.iter().any(|product| product.needs_annotations()) {
-            return wrong("a product draws annotations, and the job has none".to_owned());
+            return wrong(JobError::NoAnnotations);
         }
         let expected = self.key();
         if self.job != expected {
@@ -170,11 +170,11 @@ pub fn read_manifest(mut manifest: impl BufRead) -> Result<Vec<Job>, ManifestErr
     let (mut jobs, mut lines, mut text) = (Vec::new(), HashMap::new(), Vec::new());
     for line in 1.. {
         text.clear();
-        let wrong = |reason: String| ManifestError::Line { line, reason };
+        let wrong = |source| ManifestError::Line { line, source };
         let read = std::io::Read::take(&mut manifest, LONGEST_LINE).read_until(b'\n', &mut text);
-        let read = read.map_err(|error| wrong(error.to_string()))?;
+        let read = read.map_err(|error| wrong(error.into()))?;
         if read as u64 == LONGEST_LINE {
-            return Err(wrong(format!("longer than {LONGEST_LINE} bytes")));
+            return Err(wrong(JobError::TooLong(LONGEST_LINE)));
         }
         if read == 0 {
             break;
@@ -183,8 +183,9 @@ pub fn read_manifest(mut manifest: impl BufRead) -> Result<Vec<Job>, ManifestErr
             continue;
         }
         let mut reader = serde_json::Deserializer::from_slice(&text);
-        let job: Job = serde_path_to_error::deserialize(&mut reader)
-            .map_err(|error| wrong(format!("{}: {}", error.path(), error.inner())))?;
+        let job: Job = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            wrong(JobError::Json { path: error.path().to_string(), source: error.into_inner() })
+        })?;
         job.check(line)?;
         if let Some(first) = lines.insert(job.name(), line) {
             return Err(ManifestError::Twice { first, second: line, name: job.name() });

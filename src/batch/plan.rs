@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::copies::{Copies, Local};
-use super::error::{PlanError, SkipReason};
+use super::error::{PlanError, SkipReason, TableError};
 use super::found::{FoundSeries, SeriesFormat};
 use super::isolation::Listing;
 use super::landmarks::{camera_views, landmark_views};
 use super::location::{Location, SERIES_ENDINGS};
 use super::log::AnnotationLog;
 use super::manifest::Job;
-use super::names::{NAMES, is_name};
+use super::names::is_name;
 use super::product::Product;
 use super::query::Query;
 use super::source::{LabelsSource, SeriesSource};
@@ -243,18 +243,19 @@ fn is_dicom(path: &Path) -> bool {
 }
 
 fn read_table(table: &Path) -> Result<Vec<Candidate>, PlanError> {
-    let wrong = |line: u64, reason: String| PlanError::Table { path: table.to_owned(), line, reason };
+    let wrong = |line, source| PlanError::Table { path: table.to_owned(), line, source };
     let of_csv = |error: csv::Error| {
         let line = error.position().map_or(1, csv::Position::line);
-        wrong(line, error.to_string())
+        wrong(line, error.into())
     };
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(table).map_err(of_csv)?;
     let columns = reader.headers().map_err(of_csv)?.clone();
     if let Some(column) = columns.iter().find(|column| !COLUMNS.contains(column)) {
-        return Err(wrong(1, format!("unknown column {column:?}, allowed: {}", COLUMNS.join(", "))));
+        let source = TableError::UnknownColumn { found: column.to_owned(), allowed: &COLUMNS };
+        return Err(wrong(1, source));
     }
     if !columns.iter().any(|column| column == "path") {
-        return Err(wrong(1, "there is no column path".to_owned()));
+        return Err(wrong(1, TableError::NoPathColumn));
     }
     let folder = table.parent().unwrap_or(Path::new("."));
     let (mut places, mut names) = (Vec::new(), BTreeMap::new());
@@ -264,14 +265,14 @@ fn read_table(table: &Path) -> Result<Vec<Candidate>, PlanError> {
             let at = columns.iter().position(|column| column == name)?;
             row.get(at).filter(|text| !text.is_empty()).map(str::to_owned)
         };
-        let path = cell("path").ok_or_else(|| wrong(line, "path is empty".to_owned()))?;
+        let path = cell("path").ok_or_else(|| wrong(line, TableError::NoPath))?;
         let name = cell("name");
         if let Some(name) = &name {
             if let Some(first) = names.insert(name.clone(), line) {
-                return Err(wrong(line, format!("name {name:?} is that of line {first}, too")));
+                return Err(wrong(line, TableError::RepeatedName { name: name.clone(), first }));
             }
             if !is_name(name) {
-                return Err(wrong(line, format!("name is {name:?}, allowed: {NAMES}")));
+                return Err(wrong(line, TableError::Name(name.clone())));
             }
         }
         let named = |path: String| match PathBuf::from(path) {

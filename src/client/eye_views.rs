@@ -13,7 +13,7 @@ use hyper_util::rt::TokioIo;
 use serde_json::Value;
 use tokio::time::timeout;
 
-use super::error::{ClientError, shown};
+use super::error::{BoxedError, ClientError, LossError, ServerText};
 use super::link::Options;
 use super::socket::{MAX_FRAME_BYTES, detail, secured};
 use relief_live::EyeViewQuality;
@@ -31,33 +31,34 @@ pub(super) async fn eye_views(
     quality: EyeViewQuality,
 ) -> Result<Option<Bytes>, ClientError> {
     let Options { server, access, .. } = options;
-    let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
-    let failed = |error: &dyn std::fmt::Display| lost(shown(&error.to_string()));
+    let lost = |source| ClientError::Lost { server: server.clone(), source };
+    let failed = |error: BoxedError| lost(LossError::Protocol(error));
     let eyes = eyes.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
     let path = server.path(&format!("/v1/session/{view}/views?eyes={eyes}&quality={}", quality.name()));
     let mut request = Request::get(path).header(HOST, server.authority());
     if let Some(authorization) = access.authorization() {
         request = request.header(AUTHORIZATION, authorization);
     }
-    let request = request.body(Empty::<Bytes>::new()).map_err(|error| failed(&error))?;
+    let request = request.body(Empty::<Bytes>::new()).map_err(|error| failed(error.into()))?;
     let stream = TokioIo::new(secured(server, access).await?);
     let (mut sender, connection) =
-        hyper::client::conn::http1::handshake(stream).await.map_err(|error| failed(&error))?;
+        hyper::client::conn::http1::handshake(stream).await.map_err(|error| failed(error.into()))?;
     let exchange = async move {
-        let response = sender.send_request(request).await.map_err(|error| failed(&error))?;
+        let response = sender.send_request(request).await.map_err(|error| failed(error.into()))?;
         let status = response.status();
         let body = Limited::new(response.into_body(), MAX_FRAME_BYTES).collect().await;
-        Ok::<_, ClientError>((status, body.map_err(|error| failed(&*error))?.to_bytes()))
+        Ok::<_, ClientError>((status, body.map_err(failed)?.to_bytes()))
     };
     // The connection ends when the exchange does.
     let both = futures_util::future::join(exchange, connection);
-    let (answer, _) = timeout(RENDERED, both).await.map_err(|_| lost("no answer in time".to_owned()))?;
+    let (answer, _) = timeout(RENDERED, both).await.map_err(|_| lost(LossError::NoAnswer(RENDERED)))?;
     match answer? {
         (StatusCode::OK, png) => Ok(Some(png)),
         (StatusCode::NO_CONTENT, _) => Ok(None),
         (status, body) => {
             let problem = serde_json::from_slice::<Value>(&body).ok();
-            let reason = problem.map_or_else(|| status.to_string(), |problem| detail(&problem));
+            let reason =
+                problem.map_or_else(|| ServerText::new(&status.to_string()), |problem| detail(&problem));
             Err(ClientError::Refused { server: server.clone(), reason, passing: true, no_volume: false })
         }
     }

@@ -23,7 +23,8 @@ use sha2::{Digest, Sha256};
 
 use super::link::{Event, LinkState, Received};
 use relief_live::{
-    ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, ReceivedDepth, ReceivedFrame, ServerMessage,
+    ClientMessage, HEADER_BYTES, Hello, MAX_TEXT_BYTES, MessageError, ReceivedDepth, ReceivedFrame,
+    ServerMessage,
 };
 
 /// The version of such files.
@@ -43,13 +44,42 @@ pub enum JournalError {
         source: std::io::Error,
     },
     /// The line is invalid.
-    #[error("line {line}: {reason}")]
+    #[error("line {line}: {source}")]
     Line {
         /// Line, from 1.
         line: usize,
         /// Why it is invalid.
-        reason: String,
+        source: LineError,
     },
+}
+
+/// Why a line of a recording is invalid.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// The file has no line.
+    #[error("the file is empty, expected {{\"relief_session\":1,...}}")]
+    Empty,
+    /// The first line is another one.
+    #[error("no session of this version, expected {{\"relief_session\":1,...}}")]
+    Version,
+    /// The line is no JSON.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// The hello is invalid.
+    #[error("hello.{0}")]
+    Hello(#[source] MessageError),
+    /// The hello is of another type.
+    #[error("hello is another message")]
+    OtherMessage,
+    /// The line has more bytes than are read.
+    #[error("longer than {MAX_LINE_BYTES} bytes")]
+    TooLong,
+    /// A sent message has no time.
+    #[error("t_ns is missing or no whole number")]
+    NoTime,
+    /// A sent message is invalid.
+    #[error("sent.{0}")]
+    Sent(#[source] MessageError),
 }
 
 /// The first line of a file.
@@ -156,16 +186,16 @@ impl<R: BufRead> Journal<R> {
     pub fn open(source: R) -> Result<Self, JournalError> {
         let mut journal = Self { source, line: 0, hello: Hello::default() };
         let Some(first) = journal.next_line()? else {
-            return Err(journal.wrong("the file is empty, expected {\"relief_session\":1,...}"));
+            return Err(journal.wrong(LineError::Empty));
         };
-        let value: Value = serde_json::from_str(&first).map_err(|error| journal.wrong(error))?;
+        let value: Value = serde_json::from_str(&first).map_err(|error| journal.wrong(error.into()))?;
         if value.get("relief_session").and_then(Value::as_u64) != Some(VERSION) {
-            return Err(journal.wrong("no session of this version, expected {\"relief_session\":1,...}"));
+            return Err(journal.wrong(LineError::Version));
         }
         let hello = value.get("hello").map(Value::to_string).unwrap_or_default();
-        match ClientMessage::parse(&hello).map_err(|error| journal.wrong(format!("hello.{error}")))? {
+        match ClientMessage::parse(&hello).map_err(|error| journal.wrong(LineError::Hello(error)))? {
             ClientMessage::Hello(hello) => journal.hello = *hello,
-            _ => return Err(journal.wrong("hello is another message")),
+            _ => return Err(journal.wrong(LineError::OtherMessage)),
         }
         Ok(journal)
     }
@@ -175,8 +205,8 @@ impl<R: BufRead> Journal<R> {
         &self.hello
     }
 
-    fn wrong(&self, reason: impl std::fmt::Display) -> JournalError {
-        JournalError::Line { line: self.line, reason: reason.to_string() }
+    fn wrong(&self, source: LineError) -> JournalError {
+        JournalError::Line { line: self.line, source }
     }
 
     /// The next line that is not blank; `None` at the end.
@@ -188,7 +218,7 @@ impl<R: BufRead> Journal<R> {
             let read = bounded.read_line(&mut text);
             let count = read.map_err(|source| JournalError::Read { line: self.line, source })?;
             if count > MAX_LINE_BYTES {
-                return Err(self.wrong(format!("longer than {MAX_LINE_BYTES} bytes")));
+                return Err(self.wrong(LineError::TooLong));
             }
             if count == 0 {
                 return Ok(None);
@@ -200,14 +230,14 @@ impl<R: BufRead> Journal<R> {
     }
 
     fn entry(&self, text: &str) -> Result<JournalEntry, JournalError> {
-        let value: Value = serde_json::from_str(text).map_err(|error| self.wrong(error))?;
+        let value: Value = serde_json::from_str(text).map_err(|error| self.wrong(error.into()))?;
         if let Some(sent) = value.get("sent") {
             let t_ns = value.get("t_ns").and_then(Value::as_u64);
-            let t_ns = t_ns.ok_or_else(|| self.wrong("t_ns is missing or no whole number"))?;
+            let t_ns = t_ns.ok_or_else(|| self.wrong(LineError::NoTime))?;
             let message = ClientMessage::parse(&sent.to_string());
             return Ok(JournalEntry::Sent(
                 t_ns,
-                message.map_err(|error| self.wrong(format!("sent.{error}")))?,
+                message.map_err(|error| self.wrong(LineError::Sent(error)))?,
             ));
         }
         let hash = value.get("frame").and_then(|frame| frame.get("pixels_sha256")).and_then(Value::as_str);

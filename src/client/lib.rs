@@ -31,7 +31,7 @@ mod window;
 pub use access::{Access, AccessError};
 pub use address::{AddressError, ServerAddress};
 pub use compose::{Composed, Composer, PictureError};
-pub use error::ClientError;
+pub use error::{AnswerError, BoxedError, ClientError, ConnectError, EncryptionError, LossError, ServerText};
 pub use handle::Handle;
 pub use link::{Event, LinkState, Options, Received, run};
 pub use marks::{MARK_PX, Marks};
@@ -39,7 +39,8 @@ pub use outbox::MAX_QUEUED;
 pub use socket::MAX_FRAME_BYTES;
 
 pub use journal::{
-    Journal, JournalEntry, JournalError, MAX_LINE_BYTES, VERSION, journal_head, journal_line, pixels_sha256,
+    Journal, JournalEntry, JournalError, LineError, MAX_LINE_BYTES, VERSION, journal_head, journal_line,
+    pixels_sha256,
 };
 pub use measure::{MeasurePlan, MeasureReport, measure};
 #[cfg(feature = "window")]

@@ -20,7 +20,7 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use super::access::Access;
 use super::address::ServerAddress;
 use super::backoff::Backoff;
-use super::error::{ClientError, shown};
+use super::error::{ClientError, LossError, ServerText};
 use super::handle::Handle;
 use super::restore;
 use super::socket::{self, Socket};
@@ -228,7 +228,7 @@ impl Session<'_> {
     async fn pump(&self, socket: Socket, connection: u64) -> Result<(), ClientError> {
         let (mut sink, stream) = socket.split();
         let ended = tokio::select! {
-            error = self.send_all(&mut sink) => Err(self.lost(error.to_string())),
+            error = self.send_all(&mut sink) => Err(self.lost(LossError::Protocol(error.into()))),
             error = self.receive_all(stream, connection) => Err(error),
             () = self.handle.stopped() => Ok(()),
         };
@@ -259,9 +259,9 @@ impl Session<'_> {
                     Err(error) => {
                         unreadable += 1;
                         if unreadable > MAX_UNREADABLE {
-                            return self.lost(format!("{unreadable} unreadable messages"));
+                            return self.lost(LossError::Unreadable(unreadable));
                         }
-                        (self.on)(Event::Unreadable(shown(&error.to_string())));
+                        (self.on)(Event::Unreadable(ServerText::new(&error.to_string()).to_string()));
                     }
                 },
                 Message::Close(frame) => return self.closed(frame.as_ref(), said.as_ref()),
@@ -277,7 +277,7 @@ impl Session<'_> {
             Err(_) => {
                 (self.on)(Event::State(LinkState::Silent));
                 let heard = timeout(SILENCE - SILENT, stream.next()).await;
-                let heard = heard.map_err(|_| self.lost(format!("silent for {} s", SILENCE.as_secs())))?;
+                let heard = heard.map_err(|_| self.lost(LossError::Silent(SILENCE)))?;
                 if matches!(heard, Some(Ok(_))) {
                     (self.on)(Event::State(LinkState::Heard));
                 }
@@ -285,8 +285,8 @@ impl Session<'_> {
             }
         };
         match heard {
-            None => Err(self.lost("closed".to_owned())),
-            Some(Err(error)) => Err(self.lost(shown(&error.to_string()))),
+            None => Err(self.lost(LossError::Closed)),
+            Some(Err(error)) => Err(self.lost(LossError::Protocol(error.into()))),
             Some(Ok(message)) => Ok(message),
         }
     }
@@ -313,7 +313,7 @@ impl Session<'_> {
     fn frame(&self, connection: u64, bytes: Bytes) -> Result<(), ClientError> {
         let at_ns = self.handle.now_ns();
         // Without its number a frame cannot be acknowledged: the connection cannot be used.
-        let header = Parts::of(&bytes).map_err(|error| self.lost(error.to_string()))?.header;
+        let header = Parts::of(&bytes).map_err(|error| self.lost(error.into()))?.header;
         (self.on)(Event::Frame(Received { connection, at_ns, header, bytes }));
         Ok(())
     }
@@ -334,12 +334,12 @@ impl Session<'_> {
     fn closed(&self, frame: Option<&CloseFrame>, said: Option<&Value>) -> ClientError {
         match socket::closed(&self.options.server, frame, said) {
             // Too many errors, after a welcome: a new connection resets the count.
-            ClientError::Refused { reason, .. } => self.lost(reason),
+            ClientError::Refused { reason, .. } => self.lost(LossError::Reported(reason)),
             other => other,
         }
     }
 
-    fn lost(&self, reason: String) -> ClientError {
-        ClientError::Lost { server: self.options.server.clone(), reason }
+    fn lost(&self, source: LossError) -> ClientError {
+        ClientError::Lost { server: self.options.server.clone(), source }
     }
 }

@@ -9,13 +9,14 @@ use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::ClientRequestBuilder;
 use tokio_tungstenite::tungstenite::http::StatusCode;
 use tokio_tungstenite::tungstenite::http::Uri;
+use tokio_tungstenite::tungstenite::http::uri::InvalidUri;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
 use super::access::{Access, Stream};
 use super::address::ServerAddress;
-use super::error::{ClientError, shown};
+use super::error::{AnswerError, ClientError, ConnectError, EncryptionError, LossError, ServerText};
 use relief_live::{
     ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, SUBPROTOCOL, ServerMessage, Welcome,
 };
@@ -42,11 +43,11 @@ pub(super) async fn open(
 ) -> Result<(Socket, Box<Welcome>), ClientError> {
     let stream = secured(server, access).await?;
     let mut socket = upgrade(server, access, first, stream).await?;
-    let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
+    let lost = |source| ClientError::Lost { server: server.clone(), source };
     let text = ClientMessage::Hello(Box::new(hello.clone())).to_text();
-    socket.send(Message::text(text)).await.map_err(|error| lost(error.to_string()))?;
+    socket.send(Message::text(text)).await.map_err(|error| lost(LossError::Protocol(error.into())))?;
     let answered = timeout(WELCOME, welcome(server, &mut socket)).await;
-    let welcome = answered.map_err(|_| lost(format!("no welcome within {} s", WELCOME.as_secs())))??;
+    let welcome = answered.map_err(|_| lost(LossError::NoWelcome(WELCOME)))??;
     Ok((socket, welcome))
 }
 
@@ -54,18 +55,18 @@ pub(super) async fn open(
 pub(super) async fn secured(server: &ServerAddress, access: &Access) -> Result<Stream, ClientError> {
     let stream = reach(server).await?;
     let secured = timeout(CONNECT, access.secured(server, stream)).await;
-    let insecure = |reason: String| ClientError::Insecure { server: server.clone(), reason };
-    let secured = secured.map_err(|_| insecure("no answer to the TLS handshake".to_owned()))?;
-    secured.map_err(|error| insecure(error.to_string()))
+    let insecure = |source| ClientError::Insecure { server: server.clone(), source };
+    let secured = secured.map_err(|_| insecure(EncryptionError::NoAnswer))?;
+    secured.map_err(|error| insecure(error.into()))
 }
 
 async fn reach(server: &ServerAddress) -> Result<TcpStream, ClientError> {
-    let unreachable = |reason: String| ClientError::Unreachable { server: server.clone(), reason };
+    let unreachable = |source| ClientError::Unreachable { server: server.clone(), source };
     let stream = timeout(CONNECT, TcpStream::connect(server.target())).await;
-    let stream = stream.map_err(|_| unreachable(format!("no answer within {} s", CONNECT.as_secs())))?;
-    let stream = stream.map_err(|error| unreachable(error.to_string()))?;
+    let stream = stream.map_err(|_| unreachable(ConnectError::NoAnswer(CONNECT)))?;
+    let stream = stream.map_err(|error| unreachable(error.into()))?;
     // A pose is small and due at once.
-    stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
+    stream.set_nodelay(true).map_err(|error| unreachable(error.into()))?;
     Ok(stream)
 }
 
@@ -75,9 +76,8 @@ async fn upgrade(
     first: &Hello,
     stream: Stream,
 ) -> Result<Socket, ClientError> {
-    let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
-    let uri: Uri =
-        server.session_url(first).parse().map_err(|_| not_relief("its address is invalid".to_owned()))?;
+    let not_relief = |source| ClientError::NotRelief { server: server.clone(), source };
+    let uri: Uri = server.session_url(first).parse().map_err(|error: InvalidUri| not_relief(error.into()))?;
     let mut request = ClientRequestBuilder::new(uri).with_sub_protocol(SUBPROTOCOL);
     if let Some(authorization) = access.authorization() {
         request = request.with_header("Authorization", authorization);
@@ -86,15 +86,15 @@ async fn upgrade(
         .max_message_size(Some(MAX_FRAME_BYTES))
         .max_frame_size(Some(MAX_FRAME_BYTES));
     let handshake = timeout(CONNECT, client_async_with_config(request, stream, Some(config))).await;
-    let handshake = handshake.map_err(|_| not_relief("no answer to the WebSocket handshake".to_owned()))?;
+    let handshake = handshake.map_err(|_| not_relief(AnswerError::NoHandshake))?;
     match handshake {
         Ok((socket, _)) => Ok(socket),
         Err(Error::Http(response)) => {
             let body = response.body().as_deref().map(String::from_utf8_lossy).unwrap_or_default();
             Err(answered(server, response.status(), &body))
         }
-        Err(Error::Io(error)) => Err(ClientError::Lost { server: server.clone(), reason: error.to_string() }),
-        Err(error) => Err(not_relief(shown(&error.to_string()))),
+        Err(Error::Io(error)) => Err(ClientError::Lost { server: server.clone(), source: error.into() }),
+        Err(error) => Err(not_relief(AnswerError::Protocol(error.into()))),
     }
 }
 
@@ -103,45 +103,40 @@ fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientErr
     let server = server.clone();
     // Relief's refusals are problem documents (RFC 9457).
     let detail = serde_json::from_str::<Value>(body).ok().map(|problem| detail(&problem));
-    match (status, detail) {
-        (StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS, detail) => {
-            let reason = detail.unwrap_or_else(|| status.to_string());
-            ClientError::Refused { server, reason, passing: true, no_volume: false }
+    let words = || detail.unwrap_or_else(|| ServerText::new(&status.to_string()));
+    match status {
+        StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS => {
+            ClientError::Refused { server, reason: words(), passing: true, no_volume: false }
         }
-        (StatusCode::UNAUTHORIZED, _) => {
-            let reason = "it asks who you are: give a token of `relief token add` by --token or RELIEF_TOKEN"
-                .to_owned();
-            ClientError::Refused { server, reason, passing: false, no_volume: false }
+        StatusCode::UNAUTHORIZED => ClientError::Unauthorized { server },
+        StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST => {
+            ClientError::Refused { server, reason: words(), passing: false, no_volume: false }
         }
-        (StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST, detail) => {
-            let reason = detail.unwrap_or_else(|| status.to_string());
-            ClientError::Refused { server, reason, passing: false, no_volume: false }
-        }
-        _ => ClientError::NotRelief { server, reason: format!("HTTP {status} at /v1/session") },
+        _ => ClientError::NotRelief { server, source: AnswerError::Status(status) },
     }
 }
 
 async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welcome>, ClientError> {
-    let lost = |reason: String| ClientError::Lost { server: server.clone(), reason };
-    let not_relief = |reason: String| ClientError::NotRelief { server: server.clone(), reason };
+    let lost = |source| ClientError::Lost { server: server.clone(), source };
+    let not_relief = |source| ClientError::NotRelief { server: server.clone(), source };
     let mut said = None;
     loop {
         let message = match socket.next().await {
             Some(Ok(message)) => message,
-            Some(Err(error)) => return Err(lost(shown(&error.to_string()))),
-            None => return Err(lost("closed before welcome".to_owned())),
+            Some(Err(error)) => return Err(lost(LossError::Protocol(error.into()))),
+            None => return Err(lost(LossError::ClosedEarly)),
         };
         match message {
             Message::Text(text) if text.len() > MAX_TEXT_BYTES => {
-                return Err(not_relief(format!("a text message of {} bytes", text.len())));
+                return Err(not_relief(AnswerError::LongText(text.len())));
             }
             Message::Text(text) => match ServerMessage::parse(&text) {
                 Ok(ServerMessage::Welcome(welcome)) => return Ok(welcome),
                 Ok(ServerMessage::Error(error)) => said = Some(error.problem),
                 Ok(_) => {}
-                Err(error) => return Err(not_relief(shown(&error.to_string()))),
+                Err(error) => return Err(not_relief(error.into())),
             },
-            Message::Binary(_) => return Err(not_relief("a frame before welcome".to_owned())),
+            Message::Binary(_) => return Err(not_relief(AnswerError::EarlyFrame)),
             Message::Close(frame) => return Err(closed(server, frame.as_ref(), said.as_ref())),
             _ => {}
         }
@@ -149,9 +144,9 @@ async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welc
 }
 
 /// The detail of a problem document.
-pub(super) fn detail(problem: &Value) -> String {
+pub(super) fn detail(problem: &Value) -> ServerText {
     let word = |key: &str| problem.get(key).and_then(Value::as_str);
-    shown(word("detail").or_else(|| word("title")).unwrap_or("without a reason"))
+    ServerText::new(word("detail").or_else(|| word("title")).unwrap_or("without a reason"))
 }
 
 /// The error of a closed connection; `said` is the last problem that the server reported.
@@ -162,27 +157,22 @@ pub(super) fn closed(
 ) -> ClientError {
     let server = server.clone();
     let Some(frame) = frame else {
-        let reason = said.map_or_else(|| "closed without a reason".to_owned(), detail);
-        return ClientError::Lost { server, reason };
+        let source = said.map_or(LossError::Closed, |said| LossError::Reported(detail(said)));
+        return ClientError::Lost { server, source };
     };
-    let code = u16::from(frame.code);
-    let words = said.map_or_else(|| shown(&frame.reason), detail);
-    let words = if words.is_empty() { String::new() } else { format!(": {words}") };
-    match code {
-        1001 => ClientError::Lost { server, reason: format!("the server stops{words}") },
+    let reason = said.map_or_else(|| ServerText::new(&frame.reason), detail);
+    match u16::from(frame.code) {
+        1001 => ClientError::Lost { server, source: LossError::Stopping(reason) },
         1008 => {
             // A temporary refusal: a volume is being loaded, or all sessions are taken.
             let status = said.and_then(|problem| problem.get("status")).and_then(Value::as_u64);
             let passing = matches!(status, Some(404 | 429 | 503));
             let kind = said.and_then(|problem| problem.get("type")).and_then(Value::as_str);
             let no_volume = status == Some(404) && kind.is_some_and(|kind| kind.ends_with("no-such-volume"));
-            let reason = words.trim_start_matches(": ").to_owned();
             ClientError::Refused { server, reason, passing, no_volume }
         }
-        4001 => {
-            ClientError::Ended { server, reason: "another connection has resumed this session".to_owned() }
-        }
-        4002 => ClientError::Removed { server, reason: words },
-        _ => ClientError::Lost { server, reason: format!("closed with code {code}{words}") },
+        4001 => ClientError::Resumed { server },
+        4002 => ClientError::Removed { server, reason },
+        code => ClientError::Lost { server, source: LossError::Code { code, reason } },
     }
 }

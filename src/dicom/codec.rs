@@ -18,9 +18,9 @@ use dicom_encoding::adapters::{PixelDataObject, RawPixelData};
 use dicom_encoding::transfer_syntax::{Codec, TransferSyntaxIndex};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
+use super::causes::DecodeError;
 use super::codestream::{self, Coding, Header};
 use super::dataset::{self, Encoding};
-use super::entropy::JpegFault;
 use super::error::Defect;
 use super::file_bytes::Bytes;
 use super::header::FileHeader;
@@ -195,7 +195,7 @@ impl FrameCoding {
 /// # Errors
 /// When there is no decoder for the transfer syntax, or the decoder fails.
 pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Result<Vec<u8>, Defect> {
-    let refused = |problem: String| Defect::Codec { codec: syntax.name(), problem };
+    let refused = |source| Defect::Codec { codec: syntax.name(), source };
     let pixels = layout.frame_pixels();
     match FrameCoding::of(syntax) {
         None => {
@@ -203,8 +203,8 @@ pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
             Err(Defect::TransferSyntax { found, why: "is not decoded here" })
         }
         Some(FrameCoding::Rle) => rle::decode(&data, pixels, layout.bits_allocated as usize / 8)
-            .map_err(|error| refused(error.to_string())),
-        Some(FrameCoding::Deflated) => inflate(&data, layout).map_err(|error| refused(error.to_string())),
+            .map_err(|error| refused(DecodeError::decoder(error))),
+        Some(FrameCoding::Deflated) => inflate(&data, layout).map_err(refused),
         Some(FrameCoding::Encapsulated) => {
             let mut data = data;
             data.truncate(layout.frame_bytes() as usize); // a frame of an odd length is padded
@@ -214,24 +214,18 @@ pub(super) fn decode(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
     }
 }
 
-/// Why a deflated frame is not read.
-#[derive(Debug, thiserror::Error)]
-enum InflateError {
-    #[error(transparent)]
-    Damaged(#[from] std::io::Error),
-    #[error("it unpacks to more than the {expected} bytes of the image")]
-    TooLong { expected: u64 },
-}
-
 /// A deflated frame (PS3.5 Annex H): as many bytes as the image has, and none beyond.
-fn inflate(data: &[u8], layout: &PixelLayout) -> Result<Vec<u8>, InflateError> {
+fn inflate(data: &[u8], layout: &PixelLayout) -> Result<Vec<u8>, DecodeError> {
     let expected = layout.frame_bytes();
     let mut samples = Vec::new();
     // One byte more than an even length tells a longer frame.
     let most = expected.next_multiple_of(2) + 1;
-    flate2::read::DeflateDecoder::new(data).take(most).read_to_end(&mut samples)?;
+    flate2::read::DeflateDecoder::new(data)
+        .take(most)
+        .read_to_end(&mut samples)
+        .map_err(DecodeError::decoder)?;
     if samples.len() as u64 == most {
-        return Err(InflateError::TooLong { expected });
+        return Err(DecodeError::TooLong { expected });
     }
     samples.truncate(expected as usize);
     Ok(samples)
@@ -241,15 +235,15 @@ fn decode_codestream(data: Vec<u8>, syntax: &Syntax, layout: &PixelLayout) -> Re
     // A JP2 file around the codestream, which the standard forbids and some writers make, is
     // unwrapped: a decoder that looked for the codestream itself could find another one.
     let data = codestream::unwrapped(data);
+    let refused = |source| Defect::Codec { codec: syntax.name(), source };
     let Some(header) = codestream::read(&data) else {
-        return Err(Defect::Codec { codec: syntax.name(), problem: "found no image header".to_owned() });
+        return Err(refused(DecodeError::NoHeader));
     };
     header.check(layout)?;
     if header.coding == Coding::JpegDct && header.precision > 8 {
         let samples =
             jpeg_dct::decode(&data, layout.columns as usize, layout.rows as usize, header.precision);
-        let refused = |fault: JpegFault| Defect::Codec { codec: syntax.name(), problem: fault.to_string() };
-        let samples = samples.map_err(refused)?;
+        let samples = samples.map_err(|error| refused(DecodeError::decoder(error)))?;
         return Ok(samples.into_iter().flat_map(u16::to_le_bytes).collect());
     }
     decode_with_registry(data, syntax, layout, bits_per_sample(header))
@@ -278,13 +272,13 @@ fn decode_with_registry(
     let Codec::EncapsulatedPixelData(Some(reader), _) = entry.codec() else {
         return Err(cannot("cannot be decoded by this build"));
     };
-    let problem = |problem: String| Defect::Codec { codec: syntax.name(), problem };
+    let refused = |source| Defect::Codec { codec: syntax.name(), source };
     let frame = Frame { data, uid: &syntax.uid, layout, bits_allocated };
     let mut samples = Vec::new();
     match quietly(|| reader.decode_frame(&frame, 0, &mut samples)) {
         Some(Ok(())) => Ok(samples),
-        Some(Err(error)) => Err(problem(with_causes(&error))),
-        None => Err(problem("the decoder gave up on damaged data".to_owned())),
+        Some(Err(error)) => Err(refused(DecodeError::decoder(error))),
+        None => Err(refused(DecodeError::Panicked)),
     }
 }
 
@@ -310,11 +304,6 @@ fn quietly<T>(decode: impl FnOnce() -> T) -> Option<T> {
     let outcome = catch_unwind(AssertUnwindSafe(decode)).ok();
     DECODING.set(false);
     outcome
-}
-
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(error.source(), |cause| cause.source());
-    causes.fold(error.to_string(), |message, cause| format!("{message}: {cause}"))
 }
 
 /// One frame as dicom-rs decoders want it: an object of a single frame in a single fragment.

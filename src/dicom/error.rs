@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use dicom_core::Tag;
 
+use super::causes::{ContainerError, DecodeError};
 use relief_base::BudgetError;
 use relief_volume::{GridError, VoxelCountError};
 
@@ -26,12 +27,12 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The path is an archive or index that cannot be used.
-    #[error("cannot use {}: {problem}", path.display())]
+    #[error("cannot use {}: {source}", path.display())]
     Container {
         /// The path as given.
         path: PathBuf,
         /// The fault.
-        problem: String,
+        source: ContainerError,
     },
     /// No CT slice was found.
     #[error("no CT slices in {}: looked at {files} file(s){reasons}", path.display())]
@@ -137,7 +138,7 @@ impl Error {
     pub fn about(&self, subject: &str) -> String {
         match self {
             Self::Unreadable { source, .. } => format!("cannot read {subject}: {source}"),
-            Self::Container { problem, .. } => format!("cannot use {subject}: {problem}"),
+            Self::Container { source, .. } => format!("cannot use {subject}: {source}"),
             Self::NoSeries { files, reasons, .. } => {
                 format!("no CT slices in {subject}: looked at {files} file(s){reasons}")
             }
@@ -150,8 +151,7 @@ impl Error {
     #[must_use]
     pub fn without_names(&self, subject: &str) -> String {
         match self {
-            // The problem of a DICOMDIR repeats the file that it refers to.
-            Self::Container { path, .. } if path.ends_with("DICOMDIR") => {
+            Self::Container { source: ContainerError::OutsideReference(_), .. } => {
                 format!("cannot use {subject}: its DICOMDIR refers to files that are not below it")
             }
             Self::NoSeries { files, reasons, .. } => {
@@ -417,12 +417,12 @@ pub enum Defect {
         expected: String,
     },
     /// The decoder gave up.
-    #[error("the {codec} image cannot be decoded: {problem}")]
+    #[error("the {codec} image cannot be decoded: {source}")]
     Codec {
         /// Which decoder.
         codec: &'static str,
-        /// Its message.
-        problem: String,
+        /// Its error.
+        source: DecodeError,
     },
 }
 
@@ -444,7 +444,8 @@ mod tests {
         let lines = || Reasons::about([(format!("{NAME}/1.dcm"), "cut short".to_owned())]);
         for error in [
             Error::Unreadable { path: path(), source: std::io::ErrorKind::NotFound.into() },
-            Error::Container { path: PathBuf::from("DOE^JOHN/DICOMDIR"), problem: text() },
+            Error::Container { path: path(), source: ContainerError::OutsideReference(text()) },
+            Error::Container { path: path(), source: ContainerError::NotAFile },
             Error::NoSeries { path: path(), files: 3, reasons: lines() },
             Error::SeveralSeries { count: 2, listing: lines() },
             Error::UnknownSeries { uid: text(), listing: lines() },
@@ -461,7 +462,8 @@ mod tests {
     #[test]
     fn a_subject_takes_the_place_of_the_path() {
         let path = PathBuf::from("/tmp/relief-upload-1");
-        let error = Error::Container { path, problem: "found a zip of 9 MiB".to_owned() };
-        assert_eq!(error.about("the uploaded file"), "cannot use the uploaded file: found a zip of 9 MiB");
+        let error = Error::Container { path, source: ContainerError::NoReferences };
+        let expected = "cannot use the uploaded file: the DICOMDIR refers to no files";
+        assert_eq!(error.about("the uploaded file"), expected);
     }
 }

@@ -26,6 +26,7 @@
 mod attributes;
 mod batches;
 mod capture;
+mod causes;
 mod charset;
 mod codec;
 mod codestream;
@@ -65,6 +66,7 @@ mod write;
 pub use crate::progress::Progress;
 pub use crate::progress::Stage;
 pub use capture::{CaptureError, CaptureOptions, CapturedPicture, join_captures, write_capture};
+pub use causes::{ContainerError, DecodeError};
 pub use commitment::{
     COMMITMENT_TRANSFER_SYNTAXES, CommitmentRequest, CommitmentResult, ReferencedObject,
     read_commitment_request, write_commitment_result,

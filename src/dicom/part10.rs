@@ -12,6 +12,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_encoding::transfer_syntax::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
+use super::causes::DecodeError;
 use super::dataset::{self, Bounds, Encoding, KeepOf, LocatedFault, ParsedDataSet};
 use super::error::Defect;
 use super::file_bytes::{Bytes, Reader};
@@ -231,14 +232,15 @@ fn syntax(meta: &Meta, reader: &mut Reader, position: u64) -> Result<Syntax, Def
 }
 
 fn inflate(reader: Reader, budget: &Budget) -> Result<(bytes::Bytes, Option<Turn>), Defect> {
-    let problem = |error: std::io::Error| Defect::Codec { codec: "deflate", problem: error.to_string() };
+    let damaged =
+        |error: std::io::Error| Defect::Codec { codec: "deflate", source: DecodeError::decoder(error) };
     let mut decoder = flate2::read::DeflateDecoder::new(reader);
     let mut bytes = Vec::new();
     let mut turn = None;
     loop {
         let before = bytes.len() as u64;
         budget.unpack(INFLATED_PART)?;
-        decoder.by_ref().take(INFLATED_PART).read_to_end(&mut bytes).map_err(problem)?;
+        decoder.by_ref().take(INFLATED_PART).read_to_end(&mut bytes).map_err(damaged)?;
         let length = bytes.len() as u64;
         if length > LARGEST_INFLATED {
             return Err(Defect::LargeInflated { limit: LARGEST_INFLATED });

@@ -14,6 +14,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use zip::ZipArchive;
 
+use super::causes::ContainerError;
 use super::dataset::Retention;
 use super::error::{Defect, Error};
 use super::file_bytes::Bytes;
@@ -109,9 +110,7 @@ pub(super) fn collect(path: &Path, budget: &Budget) -> Result<Vec<FileSource>, E
         return collect_folder(path);
     }
     if !metadata.is_file() {
-        // Opening a pipe would wait for its writer.
-        let problem = "it is neither a file nor a folder".to_owned();
-        return Err(Error::Container { path: path.to_owned(), problem });
+        return Err(Error::Container { path: path.to_owned(), source: ContainerError::NotAFile });
     }
     let mut magic = Vec::new();
     File::open(path).and_then(|file| file.take(4).read_to_end(&mut magic)).map_err(unreadable)?;
@@ -154,17 +153,17 @@ fn collect_folder(folder: &Path) -> Result<Vec<FileSource>, Error> {
 
 fn collect_zip(path: &Path) -> Result<Vec<FileSource>, Error> {
     let unreadable = |source| Error::Unreadable { path: path.to_owned(), source };
-    let container = |problem| Error::Container { path: path.to_owned(), problem };
+    let container = |source| Error::Container { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(unreadable)?.len();
     if length > LARGEST_ZIP {
-        let limit = LARGEST_ZIP >> 20;
-        return Err(container(format!("found a zip of {} MiB, expected at most {limit}", length >> 20)));
+        let (found_mib, most_mib) = (length >> 20, LARGEST_ZIP >> 20);
+        return Err(container(ContainerError::LargeZip { found_mib, most_mib }));
     }
     let bytes: bytes::Bytes = std::fs::read(path).map_err(unreadable)?.into();
-    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.to_string()))?;
+    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| container(error.into()))?;
     check_count(path, archive.len(), MOST_FILES, "files")?;
     if let Some(byte) = overlap(&archive) {
-        return Err(container(format!("its entries overlap at byte {byte}")));
+        return Err(container(ContainerError::Overlap(byte)));
     }
     let archive = Arc::new(archive);
     let mut files = Vec::new();
@@ -226,9 +225,9 @@ fn directory_records(file: &FileSource, budget: &Budget) -> Option<Vec<String>> 
 fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<FileSource>, Error> {
     check_count(directory, references.len(), MOST_FILES, "files")?;
     let folder = directory.parent().unwrap_or(Path::new(""));
-    let container = |problem| Error::Container { path: directory.to_owned(), problem };
+    let container = |source| Error::Container { path: directory.to_owned(), source };
     if references.is_empty() {
-        return Err(container("the DICOMDIR refers to no files".to_owned()));
+        return Err(container(ContainerError::NoReferences));
     }
     let mut files = Vec::new();
     for reference in references {
@@ -236,9 +235,7 @@ fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<F
         // A DICOMDIR names files below itself (PS3.10 8.5); anything else would reach outside of
         // the folder.
         if !relative.components().all(|part| matches!(part, Component::Normal(_))) {
-            let found =
-                format!("ReferencedFileID (0004,1500): found {reference:?}, expected a path below it");
-            return Err(container(found));
+            return Err(container(ContainerError::OutsideReference(reference)));
         }
         let (path, label) = (find_ignoring_case(folder, &relative), relative.display().to_string());
         files.push(FileSource::Disk { path, label });
@@ -254,10 +251,12 @@ fn find_ignoring_case(folder: &Path, relative: &Path) -> PathBuf {
     if !exact.exists() && lower.exists() { lower } else { exact }
 }
 
-fn check_count(path: &Path, count: usize, most: usize, what: &str) -> Result<(), Error> {
+fn check_count(path: &Path, count: usize, most: usize, what: &'static str) -> Result<(), Error> {
     if count > most {
-        let problem = format!("found more than {most} {what}; choose a folder nearer to the series");
-        return Err(Error::Container { path: path.to_owned(), problem });
+        return Err(Error::Container {
+            path: path.to_owned(),
+            source: ContainerError::TooMany { most, what },
+        });
     }
     Ok(())
 }

@@ -1,5 +1,8 @@
 //! Why no depth was estimated.
 
+/// The error of the runtime.
+pub type BoxedError = Box<dyn std::error::Error + Send + Sync>;
+
 /// An estimate that failed.
 #[derive(Debug, thiserror::Error)]
 pub enum EstimateError {
@@ -12,11 +15,8 @@ pub enum EstimateError {
         most: u64,
     },
     /// The file is not an ONNX network that the runtime can load.
-    #[error("the network cannot be loaded: {message}. It has to be ONNX, without external data")]
-    Load {
-        /// The runtime's message.
-        message: String,
-    },
+    #[error("the network cannot be loaded: {0}. It has to be ONNX, without external data")]
+    Load(#[source] BoxedError),
     /// The network's inputs are not one picture.
     #[error("the network takes {found}; it has to take one tensor of 1 x 3 x height x width")]
     Input {
@@ -32,11 +32,8 @@ pub enum EstimateError {
         found: Vec<usize>,
     },
     /// The network failed on a picture.
-    #[error("the network failed: {message}")]
-    Run {
-        /// The runtime's message.
-        message: String,
-    },
+    #[error("the network failed: {0}")]
+    Run(#[source] BoxedError),
     /// The network gave values that are not numbers.
     #[error("the network gives values that are not numbers")]
     NotFinite,

@@ -12,6 +12,6 @@ mod network;
 mod steady;
 
 pub use closeness::Closeness;
-pub use error::EstimateError;
+pub use error::{BoxedError, EstimateError};
 pub use network::{DepthNetwork, MAX_NETWORK_BYTES};
 pub use steady::Steady;

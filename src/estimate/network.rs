@@ -75,7 +75,7 @@ impl DepthNetwork {
         }
         let options = ModelOptions::with_ops(operators());
         let loaded = guarded(|| options.load(file));
-        let model = loaded.map_err(|error| EstimateError::Load { message: error.to_string() })?;
+        let model = loaded.map_err(|error| EstimateError::Load(error.into()))?;
         let fixed_px = input_sides(&model)?;
         let output = model.output_ids().first().and_then(|id| model.node_info(*id));
         let gives_closeness = output.is_some_and(|node| node.name() == Some(CLOSENESS));
@@ -131,7 +131,7 @@ impl DepthNetwork {
                 (f32::from(byte) / 255.0 - mean[channel]) / deviation[channel]
             });
         let output = guarded(|| self.model.run_one(input.view().into(), None::<RunOptions>));
-        let output = output.map_err(|error| EstimateError::Run { message: error.to_string() })?;
+        let output = output.map_err(|error| EstimateError::Run(error.into()))?;
         let found = output.shape().to_vec();
         let sides = match found[..] {
             [1, height, width] | [1, 1, height, width] => [width, height].map(u32::try_from),

@@ -50,7 +50,7 @@ impl Columns {
                 place: error
                     .position()
                     .map_or_else(|| "a row".to_owned(), |at| format!("line {}", at.line())),
-                message: error.to_string(),
+                source: error.into(),
             })?;
             let line = record.position().map_or(0, |at| line_of(text, at, comment));
             take(Row { columns: self, record, line })?;

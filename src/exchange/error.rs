@@ -8,14 +8,14 @@ use relief_dicom::{Defect, ObjectError, ReportError, SegmentationError};
 #[derive(Debug, thiserror::Error)]
 pub enum ExchangeError {
     /// The file is not of its format at all.
-    #[error("{format}: {place}: {message}")]
+    #[error("{format}: {place}: {source}")]
     Syntax {
         /// The format.
         format: Format,
         /// The line, the byte or the JSON path.
         place: String,
-        /// The parser's message.
-        message: String,
+        /// The fault at that place.
+        source: SyntaxError,
     },
     /// A value is missing or not permitted.
     #[error("{format}: {place} is {found}, allowed: {allowed}")]
@@ -42,12 +42,12 @@ pub enum ExchangeError {
         allowed: u64,
     },
     /// The format can represent none of the items.
-    #[error("{format}: nothing is left to write: {why}")]
+    #[error("{format}: nothing is left to write: {reason}")]
     Nothing {
         /// The format wanted.
         format: Format,
-        /// The kinds that the format can represent, and the given ones.
-        why: String,
+        /// Why no item can be written.
+        reason: NothingLeft,
     },
     /// The format is only for the other direction.
     #[error("{format} cannot be {action} (can be: {possible})")]
@@ -103,4 +103,62 @@ impl ExchangeError {
         let place = format!("{place} ({})", error.path);
         Self::Value { format, place, found: error.found, allowed: error.allowed }
     }
+}
+
+/// A fault in the syntax of a file.
+#[derive(Debug, thiserror::Error)]
+pub enum SyntaxError {
+    /// The bytes are not text.
+    #[error("this is no text in UTF-8")]
+    Utf8,
+    /// Not JSON, or a value of another kind than the format has. serde quotes long values whole.
+    #[error("{}", shortened(.0))]
+    Json(#[from] serde_json::Error),
+    /// A row cannot be read or written.
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+    /// Not XML.
+    #[error(transparent)]
+    Xml(#[from] quick_xml::Error),
+    /// A character reference or a section of characters in place of a number.
+    #[error("a number of a point is no plain text")]
+    MarkedNumber,
+    /// The file ends within an element.
+    #[error("the file ends without </{0}>")]
+    Unclosed(String),
+    /// More elements within each other than are read.
+    #[error("more than {0} elements within each other")]
+    TooDeep(usize),
+    /// A label map or mesh is invalid.
+    #[error(transparent)]
+    Content(Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// The first 300 characters of an error.
+fn shortened(error: &serde_json::Error) -> String {
+    error.to_string().chars().take(300).collect()
+}
+
+/// Why no item can be written.
+#[derive(Debug, thiserror::Error)]
+pub enum NothingLeft {
+    /// There are no items.
+    #[error("no items are there")]
+    NoItems,
+    /// The items are of other kinds than the format can represent.
+    #[error("{format} holds {}; there are {}", holds.join(", "), found.join(", "))]
+    Kinds {
+        /// The format.
+        format: Format,
+        /// The kinds that it can represent.
+        holds: &'static [&'static str],
+        /// The kinds of the items, with their counts.
+        found: Vec<String>,
+    },
+    /// There are no regions.
+    #[error("there are no regions")]
+    NoRegions,
+    /// The regions lie beside the map.
+    #[error("no region lies on the voxels of the map")]
+    NoVoxels,
 }

@@ -32,7 +32,7 @@ mod written_json;
 
 pub use context::{ExportedFile, Imported, ReadContext, WriteContext};
 pub use deidentify::deidentified;
-pub use error::ExchangeError;
+pub use error::{ExchangeError, NothingLeft, SyntaxError};
 pub use format::{Format, FormatInfo, UnknownFormat};
 pub use loss::LeftOut;
 pub use merge::{ExistingItems, Merged};
@@ -92,10 +92,8 @@ pub fn write(
             count = kept.len();
             match format {
                 Format::Seg => objects::write_segmentation(&maps, &kept, context),
-                Format::Nifti => {
-                    write_nifti_labels(&maps[0]).map_err(|error| regions::failed(format, &error))
-                }
-                _ => write_seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, &error)),
+                Format::Nifti => write_nifti_labels(&maps[0]).map_err(|error| regions::failed(format, error)),
+                _ => write_seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, error)),
             }
         }
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => {

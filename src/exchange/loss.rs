@@ -1,6 +1,6 @@
 //! Losses: values that a format cannot represent. Every loss is reported.
 
-use super::{ExchangeError, Format};
+use super::{ExchangeError, Format, NothingLeft};
 use crate::representable::Representable;
 use relief_annotation::{Geometry, Item, ItemId, State};
 
@@ -35,14 +35,14 @@ pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<Le
         tell(&mut lost, "items without a place", &format!("{format} has none"), missing);
     }
     if kept.is_empty() {
-        let reasons: Vec<String> =
+        let found: Vec<String> =
             lost.iter().map(|lost| format!("{} {}", lost.items.len(), lost.what)).collect();
-        let why = if reasons.is_empty() {
-            "no items are there".to_owned()
+        let reason = if found.is_empty() {
+            NothingLeft::NoItems
         } else {
-            format!("{format} holds {}; there are {}", holds.kinds.join(", "), reasons.join(", "))
+            NothingLeft::Kinds { format, holds: holds.kinds, found }
         };
-        return Err(ExchangeError::Nothing { format, why });
+        return Err(ExchangeError::Nothing { format, reason });
     }
     fields(format, holds, &kept, &mut lost);
     Ok((kept, lost))

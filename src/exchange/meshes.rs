@@ -42,7 +42,7 @@ pub(super) fn read(
     }) {
         reading.warn("", "the mesh lies outside of the volume; is it of the same scan?");
     }
-    let kept = structures::content_of_mesh(&mesh).map_err(|error| regions::failed(format, &error))?;
+    let kept = structures::content_of_mesh(&mesh).map_err(|error| regions::failed(format, error))?;
     let name = if context.list.is_empty() { "mesh" } else { context.list };
     let item = reading.item(name, Some(Geometry::Mesh(kept.summary.clone())))?;
     reading.push("the mesh", item)?;
@@ -84,6 +84,5 @@ pub(super) fn write(
         });
     }
     let name = items.first().map_or("mesh", |item| item.name.as_str());
-    relief_annotation::write_mesh(kind(format), &joined, name)
-        .map_err(|error| regions::failed(format, &error))
+    relief_annotation::write_mesh(kind(format), &joined, name).map_err(|error| regions::failed(format, error))
 }

@@ -12,7 +12,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::reading::{self, Reading, point};
-use super::{ExchangeError, Format, Imported, ReadContext};
+use super::{ExchangeError, Format, Imported, ReadContext, SyntaxError};
 use relief_annotation::{Geometry, Item};
 
 const FORMAT: Format = Format::Mps;
@@ -63,7 +63,7 @@ pub(super) fn read(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, 
     loop {
         let event = reader.read_event();
         let at = line.at(usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX));
-        let event = event.map_err(|error| syntax(at, error.to_string()))?;
+        let event = event.map_err(|error| syntax(at, error))?;
         match event {
             Event::Start(element) => state.start(at, &element)?,
             Event::Empty(element) => {
@@ -73,12 +73,12 @@ pub(super) fn read(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, 
             Event::End(_) => state.end(at)?,
             Event::Text(words) => state.text.push_str(words.as_ref()),
             Event::CData(_) | Event::GeneralRef(_) if state.is_in_point() => {
-                return Err(syntax(at, "a number of a point is no plain text".to_owned()));
+                return Err(syntax(at, SyntaxError::MarkedNumber));
             }
             Event::Eof if state.open.is_empty() && state.sets > 0 => break,
             Event::Eof => {
                 let open = state.open.last().map_or("point_set", String::as_str);
-                return Err(syntax(at, format!("the file ends without </{open}>")));
+                return Err(syntax(at, SyntaxError::Unclosed(open.to_owned())));
             }
             _ => {}
         }
@@ -86,8 +86,8 @@ pub(super) fn read(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, 
     Ok(reading.finish())
 }
 
-fn syntax(line: usize, message: String) -> ExchangeError {
-    ExchangeError::Syntax { format: FORMAT, place: format!("line {line}"), message }
+fn syntax(line: usize, source: impl Into<SyntaxError>) -> ExchangeError {
+    ExchangeError::Syntax { format: FORMAT, place: format!("line {line}"), source: source.into() }
 }
 
 /// Lines of growing places in a text.
@@ -114,7 +114,7 @@ impl State<'_, '_> {
     fn start(&mut self, line: usize, element: &BytesStart<'_>) -> Result<(), ExchangeError> {
         let name = element.name().as_ref().to_owned();
         if self.open.len() == DEEPEST {
-            return Err(syntax(line, format!("more than {DEEPEST} elements within each other")));
+            return Err(syntax(line, SyntaxError::TooDeep(DEEPEST)));
         }
         if self.open.is_empty() && name != "point_set_file" {
             return Err(ExchangeError::value(

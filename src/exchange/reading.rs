@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde_path_to_error::Segment;
 
-use super::{ExchangeError, Format, Imported, ReadContext, outside};
+use super::{ExchangeError, Format, Imported, ReadContext, SyntaxError, outside};
 use relief_annotation::{ContentId, Edit, Geometry, Item, ItemId, Method, Placement, Timestamp};
 use relief_base::{Patient, Point};
 
@@ -111,8 +111,7 @@ pub(super) fn text(format: Format, bytes: &[u8]) -> Result<&str, ExchangeError> 
     }
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
-        let message = "this is no text in UTF-8".to_owned();
-        ExchangeError::Syntax { format, place: format!("line {line}"), message }
+        ExchangeError::Syntax { format, place: format!("line {line}"), source: SyntaxError::Utf8 }
     })?;
     Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
 }
@@ -147,14 +146,12 @@ pub(super) fn json_hiding<'t, T: serde::Deserialize<'t>>(
             })
             .collect();
         let place = if place.is_empty() { "the file".to_owned() } else { place };
-        // Long values are in the messages of serde.
-        let message: String = error.inner().to_string().chars().take(300).collect();
-        ExchangeError::Syntax { format, place, message }
+        ExchangeError::Syntax { format, place, source: error.into_inner().into() }
     })?;
     deserializer.end().map_err(|error| ExchangeError::Syntax {
         format,
         place: "the file".to_owned(),
-        message: error.to_string(),
+        source: error.into(),
     })?;
     Ok(read)
 }

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use super::reading::Reading;
 use super::structures::REGION_TYPE;
-use super::{ExchangeError, Format, Imported, LeftOut, ReadContext, WriteContext};
+use super::{ExchangeError, Format, Imported, LeftOut, NothingLeft, ReadContext, SyntaxError, WriteContext};
 use relief_annotation::{ContentId, Geometry, Item, ItemId, RegionSummary};
 use relief_dicom::FormatLimits;
 
@@ -31,7 +31,7 @@ pub(super) fn read(
 ) -> Result<Imported, ExchangeError> {
     let limits = FormatLimits { voxels: context.most_voxels() };
     let found =
-        relief_dicom::read_label_layers_of_bytes(limits, bytes).map_err(|error| failed(format, &error))?;
+        relief_dicom::read_label_layers_of_bytes(limits, bytes).map_err(|error| failed(format, error))?;
     of_layers(format, &found.layers, found.warnings, context)
 }
 
@@ -48,7 +48,7 @@ pub(super) fn of_layers(
     }
     let mut found = Vec::new();
     for map in layers {
-        let bytes = relief_dicom::write_seg_nrrd(map).map_err(|error| failed(format, &error))?;
+        let bytes = relief_dicom::write_seg_nrrd(map).map_err(|error| failed(format, error))?;
         let content = ContentId::of(&bytes);
         found.extend(map.counted().map(|(segment, voxels)| (segment, voxels, content.clone(), map)));
         if map.labelled_voxels() > 0 {
@@ -89,8 +89,9 @@ fn touches(a: &Grid, b: &Grid) -> bool {
     low.cmplt(a.max.xyz.min(b.max.xyz)).all()
 }
 
-pub(super) fn failed(format: Format, error: &dyn std::fmt::Display) -> ExchangeError {
-    ExchangeError::Syntax { format, place: "the map".to_owned(), message: error.to_string() }
+pub(super) fn failed(format: Format, error: impl std::error::Error + Send + Sync + 'static) -> ExchangeError {
+    let source = SyntaxError::Content(error.into());
+    ExchangeError::Syntax { format, place: "the map".to_owned(), source }
 }
 
 /// The parts of a file.
@@ -120,27 +121,26 @@ pub(super) fn join(
         if !maps.contains_key(&region.content) {
             let bytes = (context.contents)(&region.content).ok_or_else(|| no_content(format, item.id))?;
             let map = relief_dicom::read_labels_of_bytes(&bytes);
-            let map = map.map_err(|error| failed(Format::SegNrrd, &error))?.map;
+            let map = map.map_err(|error| failed(Format::SegNrrd, error))?.map;
             let grid = joined.as_ref().map(|joined| &joined.grid).or(context.grid).unwrap_or(map.grid());
             let map = if map.grid() == grid { map } else { map.resampled(grid) };
             maps.insert(region.content.clone(), map);
         }
         let map = &maps[&region.content];
         let joined = joined.get_or_insert_with(|| JoinedRegions::new(map.grid(), format == Format::Nifti));
-        joined.add(item, map, region.label).map_err(|error| failed(format, &error))?;
+        joined.add(item, map, region.label).map_err(|error| failed(format, error))?;
     }
     let Some(JoinedRegions { grid, voxels, segments, items, lost }) = joined else {
-        return Err(ExchangeError::Nothing { format, why: "there are no regions".to_owned() });
+        return Err(ExchangeError::Nothing { format, reason: NothingLeft::NoRegions });
     };
     let maps = match voxels {
         Voxels::Layers(layers) => layers.into_maps(),
         Voxels::Flat(labels) => {
-            vec![LabelMap::new(grid, &labels, segments).map_err(|error| failed(format, &error))?]
+            vec![LabelMap::new(grid, &labels, segments).map_err(|error| failed(format, error))?]
         }
     };
     if maps.is_empty() {
-        let why = "no region lies on the voxels of the map".to_owned();
-        return Err(ExchangeError::Nothing { format, why });
+        return Err(ExchangeError::Nothing { format, reason: NothingLeft::NoVoxels });
     }
     Ok(LabelMapParts { maps, items, lost })
 }

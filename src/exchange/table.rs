@@ -93,8 +93,12 @@ fn read_row(reading: &mut Reading<'_>, row: &Row<'_>, system: [&str; 3]) -> Resu
 pub(super) fn write(format: Format, items: &[&Item]) -> Result<Vec<u8>, ExchangeError> {
     let delimiter = if format == Format::Tsv { b'\t' } else { b',' };
     let mut writer = csv::WriterBuilder::new().delimiter(delimiter).from_writer(Vec::new());
-    let failed = |message: String| ExchangeError::Syntax { format, place: "writing".to_owned(), message };
-    writer.write_record(WRITTEN).map_err(|error| failed(error.to_string()))?;
+    let failed = |error: csv::Error| ExchangeError::Syntax {
+        format,
+        place: "writing".to_owned(),
+        source: error.into(),
+    };
+    writer.write_record(WRITTEN).map_err(failed)?;
     for item in items {
         // A missing place is an empty cell, so that it cannot count as zero in a mean.
         let place = |at: Option<f64>| at.map(|mm| mm.to_string()).unwrap_or_default();
@@ -107,7 +111,7 @@ pub(super) fn write(format: Format, items: &[&Item]) -> Result<Vec<u8>, Exchange
             [&item.name, &item.description].map(|text| text.replace('"', "'").replace('\n', " "));
         let [name, description] = [csv_cell(&name), csv_cell(&description)];
         let row: [&str; 9] = [&name, &l, &p, &s, defined, "1", visible, locked, &description];
-        writer.write_record(row).map_err(|error| failed(error.to_string()))?;
+        writer.write_record(row).map_err(failed)?;
     }
-    writer.into_inner().map_err(|error| failed(error.to_string()))
+    writer.into_inner().map_err(|error| failed(error.into_error().into()))
 }

@@ -61,7 +61,7 @@ pub(super) fn bytes(format: Format, value: &impl Serialize) -> Result<Vec<u8>, E
     value.serialize(&mut serializer).map_err(|error| ExchangeError::Syntax {
         format,
         place: "writing".to_owned(),
-        message: error.to_string(),
+        source: error.into(),
     })?;
     bytes.push(b'\n');
     Ok(bytes)

@@ -56,9 +56,8 @@ impl Case {
     /// nothing compares.
     pub fn read(id: CaseId, folder: &Path) -> Result<Self, GoldenError> {
         let path = folder.join(CASE_FILE);
-        let syntax = |reason: String| GoldenError::Syntax { path: path.clone(), reason };
-        let text = String::from_utf8(read_required(&path)?).map_err(|error| syntax(error.to_string()))?;
-        let file: CaseFile = toml::from_str(&text).map_err(|error| syntax(error.to_string()))?;
+        let file: CaseFile = toml::from_slice(&read_required(&path)?)
+            .map_err(|source| GoldenError::Syntax { path: path.clone(), source: Box::new(source) })?;
         let is_labelled = file.volume.labels;
         let source = file.volume.source(&path)?;
         let scene = folder.join(SCENE_FILE);

@@ -66,12 +66,12 @@ pub enum GoldenError {
         bytes: u64,
     },
     /// `case.toml` is not TOML, has an unknown key, or a value of the wrong kind.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {source}", path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// The parser's words, with line and column.
-        reason: String,
+        /// The parser's error, with line and column.
+        source: Box<toml::de::Error>,
     },
     /// A value of `case.toml` that is out of range.
     #[error("{}: {key} is {found}, allowed: {allowed}", path.display())]

@@ -36,12 +36,12 @@ pub enum CodecError {
     #[error(transparent)]
     Jpeg(#[from] EncodeError),
     /// A compressor failed, or the compressed data is damaged.
-    #[error("the {what} cannot be packed or unpacked: {reason}")]
+    #[error("the {what} cannot be packed or unpacked: {source}")]
     Packing {
         /// The value.
         what: &'static str,
-        /// The packer's words.
-        reason: String,
+        /// The error of the compressor.
+        source: std::io::Error,
     },
     /// Unpacked, there is less or more than the header says.
     #[error("the {what} unpacks to {found} bytes, expected {expected}")]
@@ -209,16 +209,16 @@ fn sums<const N: usize>(width: usize, values: &mut [u8]) {
 }
 
 fn pack(bytes: &[u8], packing: Packing, what: &'static str) -> Result<Vec<u8>, CodecError> {
-    let failed = |reason: String| CodecError::Packing { what, reason };
+    let failed = |source| CodecError::Packing { what, source };
     match packing {
-        Packing::Zstd => zstd::bulk::compress(bytes, ZSTD_LEVEL).map_err(|error| failed(error.to_string())),
+        Packing::Zstd => zstd::bulk::compress(bytes, ZSTD_LEVEL).map_err(failed),
         Packing::Deflate => {
             let mut packed = Vec::with_capacity(bytes.len() / 4 + 1024);
             let mut packer = Compress::new(DEFLATE_LEVEL, true);
             loop {
                 let taken = packer.total_in() as usize;
                 let status = packer.compress_vec(&bytes[taken..], &mut packed, FlushCompress::Finish);
-                match status.map_err(|error| failed(error.to_string()))? {
+                match status.map_err(|error| failed(error.into()))? {
                     Status::StreamEnd => return Ok(packed),
                     _ => packed.reserve(packed.capacity().max(1024)),
                 }
@@ -234,16 +234,15 @@ fn unpack(
     expected: usize,
     what: &'static str,
 ) -> Result<Vec<u8>, CodecError> {
-    let failed = |reason: String| CodecError::Packing { what, reason };
+    let failed = |source| CodecError::Packing { what, source };
     let mut unpacked = vec![0; expected];
     let found = match packing {
-        Packing::Zstd => zstd::bulk::decompress_to_buffer(bytes, &mut unpacked)
-            .map_err(|error| failed(error.to_string()))?,
+        Packing::Zstd => zstd::bulk::decompress_to_buffer(bytes, &mut unpacked).map_err(failed)?,
         Packing::Deflate => {
             let mut unpacker = Decompress::new(true);
             let status = unpacker.decompress(bytes, &mut unpacked, FlushDecompress::Finish);
             let found = unpacker.total_out() as usize;
-            match status.map_err(|error| failed(error.to_string()))? {
+            match status.map_err(|error| failed(error.into()))? {
                 Status::StreamEnd => found,
                 // Full before the end of the stream, or empty before the end of the picture.
                 _ if found == expected => expected + 1,

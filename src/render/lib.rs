@@ -107,8 +107,8 @@ pub use refine::Refinement;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{
-    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, SubjectContent, preset_json, shading_json,
-    transfer_json,
+    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, SubjectContent, SyntaxError, preset_json,
+    shading_json, transfer_json,
 };
 pub use skipping::EmptySpaceSkipping;
 pub use store::{MemoryUse, VolumeLimits};
@@ -117,4 +117,7 @@ pub use table_rule::TableRule;
 pub use view_synthesis::{ViewSynthesizer, view_synthesizer};
 pub use watch::Progress;
 
-pub use gpu::{AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, adapters};
+pub use gpu::{
+    AdapterChoice, AdapterDescription, AdapterKind, Gpu, GpuError, GpuLimits, StallError, ValidationError,
+    adapters,
+};

@@ -15,7 +15,7 @@ use super::skipping::EmptySpaceSkipping;
 use super::store::{MemoryUse, VolumeLimits};
 use super::table_mark;
 use super::watch::{Progress, Watch};
-use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, adapters, has_card};
+use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, StallError, adapters, has_card};
 use relief_lanes::Level;
 use relief_volume::{ContentHash, Volume};
 
@@ -277,8 +277,7 @@ impl Renderer {
         self.left = left_by_processor(volume, request);
         match self.left {
             None if self.is_lost => {
-                let (what, reason) = ("a picture", "it was made to fail".to_owned());
-                Err(GpuError::Stalled { what, reason }.into())
+                Err(GpuError::Stalled { what: "a picture", source: StallError::Injected }.into())
             }
             None => processor.cast(volume, request, skipping, &limits, watch),
             Some(part) => self.graphics(part)?.rays(volume, request, skipping, watch),

@@ -43,8 +43,8 @@ pub use table::Table;
 pub use transfer::{
     ControlPoint, GradientOpacity, GradientTable, ImportedLight, ImportedTransfer, IntegralTable,
     MAX_IMPORT_BYTES, MediumTable, PRESETS, Preset, PresetGroup, PresetMode, TransferError, TransferFunction,
-    TransferImportChoice, TransferImportError, TransferTable, Window, WindowMap, import_transfer,
-    linear_from_srgb, preset,
+    TransferImportChoice, TransferImportError, TransferSyntaxError, TransferTable, Window, WindowMap,
+    import_transfer, linear_from_srgb, preset,
 };
 
 /// A CT volume in HU. Cheap to clone: the voxels are shared.

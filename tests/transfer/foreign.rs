@@ -148,10 +148,10 @@ fn invalid_files_are_refused_with_place_and_reason() {
         &TransferImportChoice { name: None, range_hu: Some([0.0, 1.0]) },
     );
     assert!(flat.unwrap_err().to_string().contains("range is 5 to 5"));
-    assert_eq!(
+    assert!(matches!(
         import_transfer(&vec![b' '; (16 << 20) + 1], &TransferImportChoice::default()),
         Err(TransferImportError::TooLarge)
-    );
+    ));
     let deep = "[".repeat(100_000);
     assert!(matches!(
         import_transfer(deep.as_bytes(), &TransferImportChoice::default()),

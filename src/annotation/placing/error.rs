@@ -1,5 +1,7 @@
 //! Why a point cannot be snapped.
 
+use super::SnapFeature;
+
 /// Why a place was not moved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SnapError {
@@ -14,10 +16,10 @@ pub enum SnapError {
         allowed: String,
     },
     /// Nothing of that kind is near.
-    #[error("no {what} within {radius_mm} mm of the point; try a larger radius or another target")]
+    #[error("no {feature} within {radius_mm} mm of the point; try a larger radius or another target")]
     NotFound {
         /// The feature.
-        what: String,
+        feature: SnapFeature,
         /// How far, mm.
         radius_mm: f64,
     },

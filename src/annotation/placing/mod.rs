@@ -55,6 +55,18 @@ pub enum SnapFeature {
     Maximum,
 }
 
+/// The feature in words, as in "no edge within 5 mm".
+impl std::fmt::Display for SnapFeature {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Surface { hu } => write!(f, "surface of {hu} HU"),
+            Self::Boundary => f.write_str("boundary between two kinds of matter"),
+            Self::Gradient => f.write_str("edge"),
+            Self::Minimum | Self::Maximum => write!(f, "local {}", self.name()),
+        }
+    }
+}
+
 impl SnapFeature {
     /// The names of targets, in the order of the enumeration.
     pub const NAMES: [&str; 5] = ["surface", "boundary", "gradient", "minimum", "maximum"];
@@ -178,13 +190,7 @@ pub fn snap_point(
     };
     let settled = found.and_then(|place| Some((place, field.value(place)?)));
     let Some((place, hu)) = settled else {
-        let what = match to {
-            SnapFeature::Surface { hu } => format!("surface of {hu} HU"),
-            SnapFeature::Boundary => "boundary between two kinds of matter".to_owned(),
-            SnapFeature::Gradient => "edge".to_owned(),
-            SnapFeature::Minimum | SnapFeature::Maximum => format!("local {}", to.name()),
-        };
-        return Err(SnapError::NotFound { what, radius_mm });
+        return Err(SnapError::NotFound { feature: to, radius_mm });
     };
     let place_to = Point::from_xyz(place);
     let gradient_hu_per_mm = field.smooth(place).gradient.length();

@@ -73,12 +73,12 @@ pub enum QueueError {
         reason: &'static str,
     },
     /// A job was not taken.
-    #[error("the queue refused the job {name}: {reason}")]
+    #[error("the queue refused the job {name}: {source}")]
     NotTaken {
         /// Series and view.
         name: String,
         /// Why.
-        reason: String,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// An executor or a thread cannot be started, or the outputs' place is not there.
     #[error(transparent)]

@@ -37,11 +37,11 @@ impl Queue {
                 settle(&mut under_way, &mut submitted).await?;
                 report(submitted.sent + submitted.known);
             }
-            let payload = serde_json::to_vec(job).map_err(|error| not_taken(job, error.to_string()))?;
+            let payload = serde_json::to_vec(job).map_err(|error| not_taken(job, error))?;
             let message = PublishMessage::build().payload(payload.into()).message_id(&job.job.0);
             let subject = format!("{}.{}", self.stream, job.job.0);
             let receipt = self.context.send_publish(subject, message).await;
-            under_way.push_back((job, receipt.map_err(|error| not_taken(job, error.to_string()))?));
+            under_way.push_back((job, receipt.map_err(|error| not_taken(job, error))?));
         }
         while !under_way.is_empty() {
             settle(&mut under_way, &mut submitted).await?;
@@ -61,7 +61,7 @@ async fn settle(
         Ok(receipt) if receipt.duplicate => submitted.known += 1,
         Ok(_) => submitted.sent += 1,
         Err(error) if waits_already(&error) => submitted.known += 1,
-        Err(error) => return Err(not_taken(job, error.to_string())),
+        Err(error) => return Err(not_taken(job, error)),
     }
     Ok(())
 }
@@ -75,6 +75,6 @@ fn waits_already(error: &PublishError) -> bool {
     })
 }
 
-fn not_taken(job: &Job, reason: String) -> QueueError {
-    QueueError::NotTaken { name: job.name(), reason }
+fn not_taken(job: &Job, error: impl std::error::Error + Send + Sync + 'static) -> QueueError {
+    QueueError::NotTaken { name: job.name(), source: error.into() }
 }

@@ -19,7 +19,7 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 use super::address::ServerAddress;
 use super::compose::{Composed, Composer};
-use super::error::ClientError;
+use super::error::{ClientError, LossError};
 use super::handle::Handle;
 use super::link;
 use meter::Meter;
@@ -107,8 +107,7 @@ fn flat<T>(
     server: &ServerAddress,
     outcome: Result<Result<T, ClientError>, JoinError>,
 ) -> Result<T, ClientError> {
-    outcome
-        .unwrap_or_else(|error| Err(ClientError::Lost { server: server.clone(), reason: error.to_string() }))
+    outcome.unwrap_or_else(|error| Err(ClientError::Lost { server: server.clone(), source: error.into() }))
 }
 
 /// Whether a client turns the view: its own, or the shared one where it is the first.
@@ -144,10 +143,11 @@ struct Client<'a> {
 
 impl Client<'_> {
     async fn run(&self, start: &tokio::sync::Barrier) -> Result<(), ClientError> {
-        let lost =
-            |reason: &str| ClientError::Lost { server: self.server.clone(), reason: reason.to_owned() };
         let first = timeout(FIRST_FRAME, self.meter.first_frame()).await;
-        first.map_err(|_| lost("no frame within 60 s"))?;
+        first.map_err(|_| {
+            let source = LossError::NoFrame(FIRST_FRAME);
+            ClientError::Lost { server: self.server.clone(), source }
+        })?;
         start.wait().await;
         self.meter.begin();
         let length = Duration::from_secs_f64(self.seconds);

@@ -4,7 +4,7 @@ use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
 use super::adapter::{AdapterDescription, choose};
-use super::error::GpuError;
+use super::error::{GpuError, StallError};
 use crate::gpu::choice::AdapterChoice;
 
 pub(crate) use wgpu::SubmissionIndex;
@@ -51,7 +51,7 @@ impl Gpu {
             ..Default::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|error| {
-            GpuError::Device { adapter: description.to_string(), reason: error.to_string() }
+            GpuError::Device { adapter: Box::new(description.clone()), source: Box::new(error) }
         })?;
         // Errors are caught in scopes; one that escapes is logged, where the default would end the
         // process.
@@ -87,14 +87,14 @@ impl Gpu {
     /// Waits until all submitted work is done; `what` names it in messages.
     pub(crate) fn wait(&self, what: &'static str) -> Result<(), GpuError> {
         let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
-        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
+        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, source: error.into() };
         self.device.poll(wait).map(|_| ()).map_err(stalled)
     }
 
     /// Waits until this submission is done, and with it all before; `what` names it in messages.
     pub(crate) fn wait_for(&self, submission: SubmissionIndex, what: &'static str) -> Result<(), GpuError> {
         let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
-        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, reason: error.to_string() };
+        let stalled = |error: wgpu::PollError| GpuError::Stalled { what, source: error.into() };
         self.device.poll(wait).map(|_| ()).map_err(stalled)
     }
 }
@@ -120,7 +120,7 @@ impl ErrorScope {
         let exhausted = pollster::block_on(self.memory.pop());
         match (exhausted, refused) {
             (Some(_), _) => Err(GpuError::OutOfMemory { what: self.what }),
-            (None, Some(error)) => Err(GpuError::Refused { what: self.what, reason: error.to_string() }),
+            (None, Some(error)) => Err(GpuError::Refused { what: self.what, source: Box::new(error.into()) }),
             (None, None) => Ok(()),
         }
     }
@@ -182,20 +182,17 @@ impl Readback {
     /// Waits for the submitted work and hands the bytes to `read`.
     pub(crate) fn read<T>(&self, gpu: &Gpu, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
         let what = "a frame";
-        let stalled = |reason: String| GpuError::Stalled { what, reason };
+        let stalled = |source: StallError| GpuError::Stalled { what, source };
         let (sender, receiver) = sync_channel(1);
         self.staging.map_async(wgpu::MapMode::Read, .., move |outcome| {
             // The receiver is gone only when the wait below has already failed.
             let _ = sender.send(outcome);
         });
         let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
-        gpu.device.poll(wait).map_err(|error| stalled(error.to_string()))?;
-        receiver
-            .try_recv()
-            .map_err(|error| stalled(error.to_string()))?
-            .map_err(|error| stalled(error.to_string()))?;
+        gpu.device.poll(wait).map_err(|error| stalled(error.into()))?;
+        receiver.try_recv().map_err(|error| stalled(error.into()))?.map_err(|error| stalled(error.into()))?;
         let result = {
-            let view = self.staging.get_mapped_range(..).map_err(|error| stalled(error.to_string()))?;
+            let view = self.staging.get_mapped_range(..).map_err(|error| stalled(error.into()))?;
             read(&view)
         };
         self.staging.unmap();

@@ -14,5 +14,5 @@ pub(crate) use adapter::has_card;
 pub use adapter::{AdapterDescription, AdapterKind, adapters};
 pub(crate) use device::{ErrorScope, Readback, SubmissionIndex};
 pub use device::{Gpu, GpuLimits};
-pub use error::GpuError;
+pub use error::{GpuError, StallError, ValidationError};
 pub(crate) use shader::Shader;

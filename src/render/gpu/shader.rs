@@ -27,7 +27,7 @@ impl Shader {
     pub(crate) fn new(name: &'static str, sources: &[&str]) -> Result<Self, GpuError> {
         let module = naga::front::wgsl::parse_str(&sources.join("\n"));
         let module =
-            module.map_err(|error| GpuError::Refused { what: name, reason: error.message().to_owned() })?;
+            module.map_err(|error| GpuError::Refused { what: name, source: Box::new(error.into()) })?;
         Ok(Self { name, module })
     }
 
@@ -65,8 +65,8 @@ impl Shader {
         // The information is only handed through: the device validates the module.
         let unused = ModuleInfo::default();
         let processed = process_overrides(&self.module, &unused, None, &constants);
-        let (module, _) =
-            processed.map_err(|error| GpuError::Refused { what: self.name, reason: error.to_string() })?;
+        let (module, _) = processed
+            .map_err(|error| GpuError::Refused { what: self.name, source: Box::new(error.into()) })?;
         let mut module = module.into_owned();
         prune(&mut module);
         compact(&mut module, KeepUnused::No);

@@ -8,16 +8,27 @@ use relief_volume::{CameraError, GradientOpacity, OrbitError, TransferError, Tra
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// Not JSON, an unknown key, or a value of the wrong kind.
-    #[error("{path}: {reason}")]
+    #[error("{path}: {source}")]
     Syntax {
         /// Key path; `.` for the whole.
         path: String,
-        /// The parser's words, with line and column.
-        reason: String,
+        /// Why the JSON does not describe a scene.
+        source: SyntaxError,
     },
     /// A value out of range.
     #[error(transparent)]
     Range(#[from] RequestError),
+}
+
+/// Why the JSON of a scene is invalid.
+#[derive(Debug, thiserror::Error)]
+pub enum SyntaxError {
+    /// The parser's error, with line and column.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// serde reads an array as an object whose keys have an order; a scene has none.
+    #[error("found an array, expected an object")]
+    Array,
 }
 
 impl From<SettingsError> for SceneError {

@@ -43,7 +43,7 @@ use relief_annotation::ShownSets;
 use relief_display::DisplaySettings;
 use relief_volume::{Anatomy, CameraFile, Framing, Grid, Orbit};
 
-pub use error::SceneError;
+pub use error::{SceneError, SyntaxError};
 pub use slice::{SliceFile, SlicePlane};
 pub use subject::{Subject, SubjectContent};
 pub use written::{preset_json, shading_json, transfer_json};
@@ -147,9 +147,9 @@ impl SceneFile {
         let mut reader = serde_json::Deserializer::from_slice(json);
         let scene = serde_path_to_error::deserialize(&mut reader).map_err(|error| SceneError::Syntax {
             path: error.path().to_string(),
-            reason: error.inner().to_string(),
+            source: error.into_inner().into(),
         })?;
-        reader.end().map_err(|error| SceneError::Syntax { path: ".".into(), reason: error.to_string() })?;
+        reader.end().map_err(|error| SceneError::Syntax { path: ".".into(), source: error.into() })?;
         Ok(scene)
     }
 
@@ -161,7 +161,7 @@ impl SceneFile {
         expect_objects(json)?;
         serde_path_to_error::deserialize(json).map_err(|error| SceneError::Syntax {
             path: error.path().to_string(),
-            reason: error.inner().to_string(),
+            source: error.into_inner().into(),
         })
     }
 

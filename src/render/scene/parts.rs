@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Deserializer};
 
-use super::SceneError;
 use super::labels::{ClipLabelsFile, label_objects};
 use super::overlays::OverlaysFile;
+use super::{SceneError, SyntaxError};
 use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
 use crate::request_error::RequestError;
@@ -95,7 +95,7 @@ pub(super) fn expect_objects(scene: &serde_json::Value) -> Result<(), SceneError
         if scene.pointer(&path).is_some_and(serde_json::Value::is_array) {
             let path = path.trim_start_matches('/').replace('/', ".");
             let path = if path.is_empty() { ".".to_owned() } else { path };
-            return Err(SceneError::Syntax { path, reason: "found an array, expected an object".to_owned() });
+            return Err(SceneError::Syntax { path, source: SyntaxError::Array });
         }
     }
     Ok(())

@@ -16,7 +16,7 @@ mod presets;
 mod table;
 mod window;
 
-pub use crate::transfer::foreign::error::TransferImportError;
+pub use crate::transfer::foreign::error::{TransferImportError, TransferSyntaxError};
 pub use foreign::{ImportedLight, ImportedTransfer, MAX_IMPORT_BYTES, TransferImportChoice, import_transfer};
 pub use gradient::{GradientOpacity, GradientTable};
 pub use integral::IntegralTable;

@@ -6,7 +6,7 @@ use crate::TransferError;
 pub const MAX_IMPORT_BYTES: usize = 16 << 20;
 
 /// Why bytes did not become a transfer function.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum TransferImportError {
     /// None of the formats.
     #[error(
@@ -18,12 +18,12 @@ pub enum TransferImportError {
     #[error("the file has more than {max} bytes", max = MAX_IMPORT_BYTES)]
     TooLarge,
     /// Not as its format has it.
-    #[error("{place}: {reason}")]
+    #[error("{place}: {source}")]
     Syntax {
         /// Where in the file.
         place: String,
         /// The fault at that place.
-        reason: String,
+        source: TransferSyntaxError,
     },
     /// A number that cannot be.
     #[error("{place} is {found}, allowed: {allowed}")]
@@ -56,12 +56,58 @@ pub enum TransferImportError {
     Transfer(#[from] TransferError),
 }
 
+/// A fault in the syntax of a file, or a value of another kind than its format has.
+#[derive(Debug, thiserror::Error)]
+pub enum TransferSyntaxError {
+    /// Not JSON.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// Not XML.
+    #[error(transparent)]
+    Xml(#[from] quick_xml::Error),
+    /// The bytes are not text.
+    #[error(transparent)]
+    Utf8(#[from] std::str::Utf8Error),
+    /// More properties than are read.
+    #[error("more than {0} properties")]
+    TooManyProperties(usize),
+    /// A file of a fixed number of lines ends early.
+    #[error("the line of {0} is missing")]
+    MissingLine(&'static str),
+    /// A colour map without points.
+    #[error("no RGBPoints; maps of categories are not read")]
+    NoColorPoints,
+    /// A function without points.
+    #[error("no list of points")]
+    NoPoints,
+    /// A value is no list.
+    #[error("not a list")]
+    NotAList,
+    /// A list has no elements.
+    #[error("missing, or not a list of one or more")]
+    EmptyList,
+    /// A list has other elements than numbers.
+    #[error("not a flat list of numbers")]
+    NotNumbers,
+    /// A value is no number.
+    #[error("not a number")]
+    NotANumber,
+    /// A value has another count of numbers.
+    #[error("{key} is not {count} number(s)")]
+    Count {
+        /// The key.
+        key: &'static str,
+        /// The expected count.
+        count: usize,
+    },
+}
+
 impl TransferImportError {
     pub(super) fn range(place: &str, found: &impl ToString, allowed: &str) -> Self {
         Self::Range { place: place.to_owned(), found: found.to_string(), allowed: allowed.to_owned() }
     }
 
-    pub(super) fn syntax(place: &str, reason: &impl ToString) -> Self {
-        Self::Syntax { place: place.to_owned(), reason: reason.to_string() }
+    pub(super) fn syntax(place: &str, source: impl Into<TransferSyntaxError>) -> Self {
+        Self::Syntax { place: place.to_owned(), source: source.into() }
     }
 }

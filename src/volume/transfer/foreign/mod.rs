@@ -62,7 +62,7 @@ pub fn import_transfer(
         Some(b'<') => choose(&slicer::properties_in_xml(bytes)?, choice),
         Some(b'{' | b'[') => {
             let json: serde_json::Value =
-                serde_json::from_slice(bytes).map_err(|error| TransferImportError::syntax("JSON", &error))?;
+                serde_json::from_slice(bytes).map_err(|error| TransferImportError::syntax("JSON", error))?;
             if json.get("volumeProperties").is_some() {
                 choose(&slicer_json::properties(&json)?, choice)
             } else {

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::curve::{CoincidentNodes, Curve, Node};
 use super::draft::{Draft, FoundFunction};
-use super::error::TransferImportError;
+use super::error::{TransferImportError, TransferSyntaxError};
 use super::slicer::shortened;
 use super::space::ColorSpace;
 
@@ -38,8 +38,7 @@ fn found(map: &Value) -> FoundFunction<'_> {
 fn draft(map: &Value) -> Result<Draft, TransferImportError> {
     let name = map["Name"].as_str().unwrap_or("colour map");
     let rgb = numbers(map, "RGBPoints", name)?;
-    let rgb = rgb
-        .ok_or_else(|| TransferImportError::syntax(name, &"no RGBPoints; maps of categories are not read"))?;
+    let rgb = rgb.ok_or_else(|| TransferImportError::syntax(name, TransferSyntaxError::NoColorPoints))?;
     let place = format!("{name}: RGBPoints");
     let node = |p: &[f64]| Node::plain(p[0], [p[1], p[2], p[3]]);
     let color = Curve::new(groups_of_four(&rgb, &place)?.map(node).collect(), CoincidentNodes::Step, &place)?;
@@ -100,9 +99,9 @@ fn numbers(map: &Value, key: &str, name: &str) -> Result<Option<Vec<f64>>, Trans
             let place = format!("{name}: {key}");
             numbers
                 .map(Some)
-                .ok_or_else(|| TransferImportError::syntax(&place, &"not a flat list of numbers"))
+                .ok_or_else(|| TransferImportError::syntax(&place, TransferSyntaxError::NotNumbers))
         }
-        _ => Err(TransferImportError::syntax(&format!("{name}: {key}"), &"not a list")),
+        _ => Err(TransferImportError::syntax(&format!("{name}: {key}"), TransferSyntaxError::NotAList)),
     }
 }
 

@@ -10,7 +10,7 @@ use quick_xml::{Reader, XmlVersion};
 
 use super::curve::{CoincidentNodes, Curve, Node};
 use super::draft::{Draft, FoundFunction, light};
-use super::error::TransferImportError;
+use super::error::{TransferImportError, TransferSyntaxError};
 use super::space::ColorSpace;
 
 /// Most elements of a file that are looked at.
@@ -32,17 +32,17 @@ struct Property {
 
 /// All properties of a file.
 pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
-    let text = std::str::from_utf8(bytes).map_err(|error| TransferImportError::syntax("XML", &error))?;
+    let text = std::str::from_utf8(bytes).map_err(|error| TransferImportError::syntax("XML", error))?;
     let mut reader = Reader::from_str(text);
     let mut found: Vec<FoundFunction<'_>> = Vec::new();
     loop {
         let place = format!("XML, byte {}", reader.buffer_position());
-        match reader.read_event().map_err(|error| TransferImportError::syntax(&place, &error))? {
+        match reader.read_event().map_err(|error| TransferImportError::syntax(&place, error))? {
             Event::Start(element) | Event::Empty(element) if element.name().as_ref() == "VolumeProperty" => {
                 if found.len() == MAX_PROPERTIES {
                     return Err(TransferImportError::syntax(
                         &place,
-                        &format!("more than {MAX_PROPERTIES} properties"),
+                        TransferSyntaxError::TooManyProperties(MAX_PROPERTIES),
                     ));
                 }
                 let property = property_of(&element, &place)?;
@@ -57,10 +57,11 @@ pub(super) fn properties_in_xml(bytes: &[u8]) -> Result<Vec<FoundFunction<'_>>, 
 fn property_of(element: &BytesStart<'_>, place: &str) -> Result<Property, TransferImportError> {
     let mut property = Property::default();
     for attribute in element.attributes() {
-        let attribute = attribute.map_err(|error| TransferImportError::syntax(place, &error))?;
+        let attribute =
+            attribute.map_err(|error| TransferImportError::syntax(place, quick_xml::Error::from(error)))?;
         let value = attribute
             .normalized_value(XmlVersion::Implicit1_0)
-            .map_err(|error| TransferImportError::syntax(place, &error))?
+            .map_err(|error| TransferImportError::syntax(place, error))?
             .into_owned();
         match attribute.key.as_ref() {
             "name" => property.name = Some(value),
@@ -83,8 +84,8 @@ fn property_of(element: &BytesStart<'_>, place: &str) -> Result<Property, Transf
 pub(super) fn property_in_lines(bytes: &[u8]) -> Result<Draft, TransferImportError> {
     let text = std::str::from_utf8(bytes).map_err(|_| TransferImportError::Unknown)?;
     let mut lines = text.lines().map(str::trim);
-    let mut next = |what: &str| {
-        let missing = || TransferImportError::syntax(".vp", &format!("the line of {what} is missing"));
+    let mut next = |what: &'static str| {
+        let missing = || TransferImportError::syntax(".vp", TransferSyntaxError::MissingLine(what));
         lines.next().filter(|line| !line.is_empty()).map(str::to_owned).ok_or_else(missing)
     };
     next("interpolation")?;

@@ -8,14 +8,15 @@ use serde_json::Value;
 
 use super::curve::{CoincidentNodes, Curve, Node};
 use super::draft::{Draft, FoundFunction, light};
-use super::error::TransferImportError;
+use super::error::{TransferImportError, TransferSyntaxError};
 use super::space::ColorSpace;
 
 const PROPERTIES: &str = "volumeProperties";
 
 pub(super) fn properties(json: &Value) -> Result<Vec<FoundFunction<'_>>, TransferImportError> {
     let listed = json[PROPERTIES].as_array();
-    let listed = listed.ok_or_else(|| TransferImportError::syntax(PROPERTIES, &"not a list"))?;
+    let listed =
+        listed.ok_or_else(|| TransferImportError::syntax(PROPERTIES, TransferSyntaxError::NotAList))?;
     Ok(listed.iter().enumerate().map(|(i, property)| found(i, property)).collect())
 }
 
@@ -31,7 +32,7 @@ fn draft(property: &Value, place: &str) -> Result<Draft, TransferImportError> {
     let components = property["components"].as_array().map_or(&[][..], Vec::as_slice);
     let place = format!("{place}.components");
     let [component, others @ ..] = components else {
-        return Err(TransferImportError::syntax(&place, &"missing, or not a list of one or more"));
+        return Err(TransferImportError::syntax(&place, TransferSyntaxError::EmptyList));
     };
     let place = format!("{place}[0]");
     let lighting = &component["lighting"];
@@ -86,14 +87,20 @@ fn draft(property: &Value, place: &str) -> Result<Draft, TransferImportError> {
 fn number(json: &Value, otherwise: f64, place: &str) -> Result<f64, TransferImportError> {
     match json {
         Value::Null => Ok(otherwise),
-        other => other.as_f64().ok_or_else(|| TransferImportError::syntax(place, &"not a number")),
+        other => {
+            other.as_f64().ok_or_else(|| TransferImportError::syntax(place, TransferSyntaxError::NotANumber))
+        }
     }
 }
 
 /// A function; `key` is where a point has its value, one number or `N` of them.
-fn curve<const N: usize>(json: &Value, key: &str, place: &str) -> Result<Curve<N>, TransferImportError> {
+fn curve<const N: usize>(
+    json: &Value,
+    key: &'static str,
+    place: &str,
+) -> Result<Curve<N>, TransferImportError> {
     let points = json["points"].as_array();
-    let points = points.ok_or_else(|| TransferImportError::syntax(place, &"no list of points"))?;
+    let points = points.ok_or_else(|| TransferImportError::syntax(place, TransferSyntaxError::NoPoints))?;
     if points.len() > Curve::<N>::MAX_NODES {
         let allowed = format!("1 to {}", Curve::<N>::MAX_NODES);
         return Err(TransferImportError::range(
@@ -109,10 +116,9 @@ fn curve<const N: usize>(json: &Value, key: &str, place: &str) -> Result<Curve<N
             one => one.as_f64().map(|value| vec![value]),
         };
         let value = numbers.and_then(|numbers| numbers.try_into().ok());
-        let value = value
-            .ok_or_else(|| TransferImportError::syntax(&place, &format!("{key} is not {N} number(s)")))?;
-        let x =
-            point["x"].as_f64().ok_or_else(|| TransferImportError::syntax(&place, &"x is not a number"))?;
+        let not = |key, count| TransferImportError::syntax(&place, TransferSyntaxError::Count { key, count });
+        let value = value.ok_or_else(|| not(key, N))?;
+        let x = point["x"].as_f64().ok_or_else(|| not("x", 1))?;
         let midpoint = number(&point["midpoint"], 0.5, &format!("{place}.midpoint"))?;
         let sharpness = number(&point["sharpness"], 0.0, &format!("{place}.sharpness"))?;
         Ok(Node { x, value, midpoint, sharpness })
