@@ -73,7 +73,7 @@ pub struct Completeness {
     pub template: String,
     /// How many of its items have a place.
     pub defined: usize,
-    /// How many have none: [`State::Missing`], or not in the set at all.
+    /// The number of items without a place: [`State::Missing`], or not in the set.
     pub missing: usize,
     /// Number of skipped items.
     pub skipped: usize,

@@ -26,8 +26,8 @@ impl Timestamp {
         now.and_then(Self::from_millis).unwrap_or(Self(DateTime::UNIX_EPOCH))
     }
 
-    /// From here on, each reading of the clock is earlier than the one before by `step`: a failure
-    /// that is brought about on purpose, for the whole process.
+    /// From here on, each reading of the clock is earlier than the one before by `step`: an injected
+    /// failure, for the whole process.
     pub fn turn_clock_back(step: Duration) {
         TURNED_BACK_MS.store(i64::try_from(step.as_millis()).unwrap_or(i64::MAX), Ordering::Relaxed);
     }

@@ -78,7 +78,7 @@ fn read(path: &Path) -> Result<Vec<u8>, ArchiveError> {
 impl ArchiveAccess {
     /// A client with this access, whose other settings `builder` has.
     pub(crate) fn client(&self, builder: ClientBuilder) -> Result<Client, ArchiveError> {
-        // Where another provider is installed already, it is as good.
+        // Another provider that is already installed serves as well.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let mut builder = builder.default_headers(self.headers()?);
         if let Some(path) = &self.authorities {

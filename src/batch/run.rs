@@ -323,7 +323,7 @@ fn render(
     let overlays = std::mem::replace(&mut request.overlays, Arc::new(Overlays::default()));
     let frame = renderer.render(volume, &request).map_err(|error| {
         let kind = match error {
-            // A file that is missing here may exist on another machine, or later.
+            // The file may exist on another machine, or appear later.
             RenderError::Gpu(GpuError::OutOfMemory { .. }) | RenderError::Cancelled => FailureKind::Retryable,
             RenderError::Gpu(_) => FailureKind::Retryable,
             _ => FailureKind::Permanent,

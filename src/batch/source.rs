@@ -52,7 +52,7 @@ pub(super) struct BudgetedVolume<'a> {
     pub(super) labels: Option<Arc<LabelMap>>,
     /// The series that DICOM objects of its pictures belong to.
     pub(super) reference: Option<Arc<SeriesReference>>,
-    /// Warnings of its reading.
+    /// Warnings from reading the series.
     pub(super) warnings: Vec<String>,
     held: ReservedMemory<'a>,
 }

@@ -34,7 +34,7 @@ pub(super) struct ReceiveArguments {
     /// Folder that series are put into; created if it does not exist
     #[arg(long, value_name = "DIR")]
     into: PathBuf,
-    /// Application entity title: callers call it so
+    /// Application entity title by which callers address this receiver
     #[arg(long, value_name = "TITLE", default_value = "RELIEF")]
     aet: String,
     /// Address to listen on; port 0 takes a free one

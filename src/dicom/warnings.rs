@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Something the user of a volume should know.
+/// A message for the user of a volume.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// Stable name for programs.

@@ -126,7 +126,7 @@ impl FilmWriter {
     /// The ending of a film's name: `mkv` or `mp4`.
     ///
     /// # Errors
-    /// When it is another.
+    /// When the file has another ending.
     pub fn ending(path: &Path) -> Result<&'static str, FilmError> {
         let is = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
         let known = ["mkv", "mp4"].into_iter().find(|ending| is(ending));

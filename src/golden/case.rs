@@ -100,7 +100,7 @@ impl Case {
         &self.source
     }
 
-    /// How far pictures may be apart.
+    /// Largest permitted difference of pictures.
     #[must_use]
     pub fn tolerance(&self) -> Tolerance {
         self.tolerance

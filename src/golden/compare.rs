@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::raster::{Raster, Samples};
 
-/// How far pictures may be apart. Only these named ones exist.
+/// Largest permitted difference of pictures. Only these named ones exist.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tolerance {
     /// Its name.

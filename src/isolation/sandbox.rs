@@ -41,7 +41,7 @@ pub(crate) enum SandboxError {
 /// The restrictions of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Held {
-    /// Whether it opens no file but the one that it was given.
+    /// Whether it can open no file but the given one.
     pub(crate) files: bool,
     /// Whether it makes no connection and starts no program.
     pub(crate) calls: bool,

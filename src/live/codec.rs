@@ -20,7 +20,7 @@ const DEFLATE_LEVEL: Compression = Compression::fast();
 /// Colour or depth that could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum CodecError {
-    /// The slice does not fill the size.
+    /// The slice's length does not match the size.
     #[error("{what} of {}x{} has {found} values, expected {expected}", size[0], size[1])]
     Count {
         /// The value.
@@ -43,7 +43,7 @@ pub enum CodecError {
         /// The error of the compressor.
         source: std::io::Error,
     },
-    /// Unpacked, there is less or more than the header says.
+    /// The unpacked data has another length than the header says.
     #[error("the {what} unpacks to {found} bytes, expected {expected}")]
     Unpacked {
         /// The value.

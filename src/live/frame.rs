@@ -38,7 +38,7 @@ pub struct EncodedDepth {
 /// A frame as received: header, and colour and depth unpacked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReceivedFrame {
-    /// The header before them.
+    /// The frame's header.
     pub header: FrameHeader,
     /// Red, green and blue of every pixel, in rows from the top. The rows of the background layer
     /// follow, where the layout has one.
@@ -65,7 +65,7 @@ pub struct ViewsOutput {
 /// layer where there is one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReceivedLayers {
-    /// The header before them.
+    /// The frame's header.
     pub header: FrameHeader,
     front: DecodedLayer,
     back: Option<DecodedLayer>,

@@ -151,10 +151,10 @@ pub enum FrameError {
         /// The permitted values.
         allowed: &'static str,
     },
-    /// A number is no number.
+    /// A number is infinite or NaN.
     #[error("the frame's {0} has a number that is not finite")]
     NotFinite(&'static str),
-    /// The checksum is another.
+    /// The checksum does not match the header.
     #[error("the frame's CRC-32 is {found:#010x}, expected {expected:#010x}")]
     Crc {
         /// The checksum in the header.

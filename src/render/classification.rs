@@ -40,7 +40,7 @@ impl TryFrom<String> for Classification {
     }
 }
 
-/// A name that no classification has.
+/// An unknown name of a classification.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown classification {name:?}, allowed: {}", Classification::ALL.map(Classification::name).join(", "))]
 pub struct UnknownClassification {

@@ -166,7 +166,7 @@ mod tests {
         fill_row(&volume, (VoxelFormat::Half, 1.0), rotation, [1, 1], &mut row);
         let halves = |texel: Texel| texel.map(|bits| f16::from_bits(bits).to_f32());
         assert_eq!(halves(row[2]), [30.0, 0.0, -8.0, 10.0]);
-        // Half as steep at the face: a one-sided difference.
+        // A one-sided difference at the face halves the gradient.
         assert_eq!(halves(row[0]), [15.0, 0.0, -8.0, -20.0]);
         let scale = scale_for(&volume, VoxelFormat::Norm16);
         fill_row(&volume, (VoxelFormat::Norm16, scale), rotation, [1, 1], &mut row);

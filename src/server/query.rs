@@ -33,7 +33,7 @@ enum ParameterType {
     Labels,
 }
 
-/// Where a parameter goes.
+/// The part of a request that a query parameter sets.
 #[derive(Clone, Copy, Debug)]
 enum Target {
     /// A key of the JSON form.

@@ -85,7 +85,7 @@ pub struct Config {
     pub content_bytes: u64,
     /// Live sessions.
     pub live: LiveConfig,
-    /// How the span of a request joins its caller's trace; `None` starts a trace for each request.
+    /// Joins the span of a request to its caller's trace; `None` starts a trace for each request.
     pub join_trace: Option<JoinTrace>,
 }
 

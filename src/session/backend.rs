@@ -18,7 +18,7 @@ pub struct GpuBackend {
     faults: Vec<InjectedFault>,
 }
 
-/// A failure that is brought about on purpose, to see that a server recovers from it.
+/// An injected failure, by which tests check that a server recovers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InjectedFault {
     kind: FaultKind,
@@ -67,7 +67,7 @@ impl GpuBackend {
         &self.renderer
     }
 
-    /// The same, with failures that are brought about on purpose.
+    /// The same, with injected failures.
     #[must_use]
     pub fn with_faults(self, faults: Vec<InjectedFault>) -> Self {
         Self { faults, ..self }

@@ -275,7 +275,7 @@ mod tests {
         let reduced = at_step(&request, 0.5, 2.0);
         let expected = 120.0 * by_hand(80_000.0, 2.0) / by_hand(320_000.0, 1.0);
         assert!((book.expected_ms(VOLUME, &grid(), &reduced) - expected).abs() < 1e-9);
-        // Another mode and another volume are other speeds.
+        // Each mode and each volume has a speed of its own.
         let mip = RenderRequest { mode: Mode::Mip, ..request.clone() };
         assert!((book.expected_ms(VOLUME, &grid(), &mip) - guess).abs() < 1e-9);
         let other = ContentHash([8; 32]);

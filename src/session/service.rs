@@ -152,7 +152,8 @@ impl RenderService {
         let order = RenderJob { volume: volume.clone(), key, promise, caller, since: Instant::now(), span };
         let queue = lock(&self.queue);
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
-        // Counted first: the thread may take the order, and count it off, before `send` returns.
+        // Counted first: the thread may take the request, and decrement the count, before
+        // `send` returns.
         let waiting = &self.shared.waiting;
         let one_more = |count: usize| (count < self.capacity).then_some(count + 1);
         waiting

@@ -101,7 +101,7 @@ fn answer(slot: &Mutex<Slot>, outcome: Outcome) {
     }
 }
 
-/// Slots hold plain values: one that a panic left behind is as good as any.
+/// Slots hold plain values, which a panic cannot leave half written.
 fn lock(slot: &Mutex<Slot>) -> MutexGuard<'_, Slot> {
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -53,7 +53,7 @@ pub enum StoreError {
     /// There is no such item, and never was.
     #[error("no item has the id {id}")]
     NotFound {
-        /// Which was looked for.
+        /// The missing one.
         id: ItemId,
     },
     /// A new item has an id that was used before.
@@ -71,7 +71,7 @@ pub enum StoreError {
     /// There is no such template.
     #[error("no template is named {name:?}")]
     NoTemplate {
-        /// Which was looked for.
+        /// The missing one.
         name: String,
     },
     /// A value of an edit or a set is out of its range.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Failures that are brought about on purpose, to see that callers recover from them.
+/// Injected failures, by which tests check that callers recover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StoreFaults {
     /// Largest size of a SQLite file; beyond it, the disk is full.

@@ -90,7 +90,7 @@ impl Store {
         Self::open_with(place, StoreFaults::default()).await
     }
 
-    /// As [`Self::open`], with failures that are brought about on purpose.
+    /// As [`Self::open`], with injected failures.
     ///
     /// # Errors
     /// Those of [`Self::open`].

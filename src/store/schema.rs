@@ -103,7 +103,7 @@ CREATE TRIGGER events_in_order BEFORE INSERT ON events FOR EACH ROW EXECUTE FUNC
 /// Tables whose lines stay as they are.
 const APPEND_ONLY: [&str; 3] = ["events", "contents", "audit"];
 
-/// Looks whether a log of a known schema is at the place, and makes one where there is nothing.
+/// Checks that the place has a log of a known schema, and creates one where there is nothing.
 ///
 /// By a connection of its own: a pool tries again and again where one fails, and does not say why.
 pub(super) async fn prepare(place: &DatabaseAddress) -> Result<(), StoreError> {

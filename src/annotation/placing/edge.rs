@@ -81,7 +81,7 @@ fn seeds(field: &Field<'_>, lattice: &Lattice, nearness: impl Fn(DVec3) -> f64) 
     for (place, index) in lattice.voxels() {
         let here = gradient(place);
         let position = field.patient_from_voxel.transform_point3(index);
-        // Beside the ball too: the edge may be inside, between voxels.
+        // Voxels outside of the ball count too: an edge inside of it may lie next to them.
         let near = nearness(position).max(1e-6);
         if here.length() < LEAST_HU_PER_MM / 2.0 {
             continue;

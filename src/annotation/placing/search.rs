@@ -9,6 +9,6 @@ pub(super) struct Search {
     pub(super) at: DVec3,
     /// Search along this unit direction, both ways; `None` searches the ball.
     pub(super) ray: Option<DVec3>,
-    /// At most this far away, mm.
+    /// Largest distance, mm.
     pub(super) radius_mm: f64,
 }

@@ -60,7 +60,7 @@ pub(super) fn report_to(
         .read_timeout(PATIENCE)
         .write_timeout(PATIENCE)
         .with_presentation_context(COMMITMENT, COMMITMENT_TRANSFER_SYNTAXES.to_vec())
-        // The side that opens this association is the provider of the service.
+        // The peer that opens this association provides the service.
         .with_role_selection(COMMITMENT, false, true)
         .establish(provider)?;
     let context = association.presentation_contexts().first().map(|context| context.id);

@@ -25,7 +25,7 @@ use relief_base::sha256_of;
 
 /// The metadata key of an object's hash.
 const SHA256: Attribute = Attribute::Metadata(std::borrow::Cow::Borrowed("sha256"));
-/// How long a request is tried: what fails longer fails the job, which can be run again.
+/// Time for which a request is repeated. A longer failure fails the job, which can be run again.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A bucket, and the common prefix of its objects' names.
@@ -53,7 +53,7 @@ impl Bucket {
         }
         let chosen = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint];
         let chosen = chosen.iter().find_map(|key| builder.get_config_value(key));
-        // Without TLS only where it was written down.
+        // Without TLS only if the configured endpoint begins with http://.
         builder = builder.with_allow_http(chosen.is_some_and(|endpoint| endpoint.starts_with("http://")));
         let store = builder.build().map_err(Error::other)?;
         let prefix = Path::parse(prefix).map_err(Error::other)?;
@@ -84,7 +84,7 @@ impl Bucket {
         self.put_as(PutMode::Overwrite, name, bytes, sha256).map_err(io_error)
     }
 
-    /// With `If-None-Match: *`: of several that write at once one does.
+    /// With `If-None-Match: *`, one of several concurrent writers succeeds.
     pub(super) fn put_new(&self, name: &str, bytes: Bytes) -> std::io::Result<bool> {
         match self.put_as(PutMode::Create, name, bytes, None) {
             Ok(()) => Ok(true),

@@ -198,7 +198,7 @@ impl Worker<'_> {
         drop(waited.unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// A job is no longer in progress here.
+    /// Removes a job from those in progress here.
     fn end(&self, job: &JobKey) -> RunningJob {
         let ended = lock(&self.running).remove(job).unwrap_or_default();
         self.ended.notify_all();

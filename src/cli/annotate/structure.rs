@@ -21,7 +21,7 @@ pub(super) struct NewArguments {
     /// Name of the new item
     #[arg(long, value_name = "TEXT")]
     pub(super) name: String,
-    /// The set that it goes into
+    /// The set of the new item
     #[arg(long, value_name = "NAME", default_value = relief_annotation::Set::DEFAULT)]
     pub(super) set: String,
     #[command(flatten)]

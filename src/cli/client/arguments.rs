@@ -257,7 +257,7 @@ pub(crate) enum Part {
     Watcher,
 }
 
-/// The views of a picture at rest.
+/// Where the views of a picture at rest are rendered.
 #[cfg(feature = "window")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum RestChoice {

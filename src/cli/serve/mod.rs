@@ -234,7 +234,7 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     if let Some(log) = log {
         runtime.block_on(log.close());
     }
-    // An upload that is being read when the time is up is not waited for.
+    // The server does not wait for an upload that is still being read when the time is up.
     runtime.shutdown_timeout(Duration::from_secs(1));
     outcome
 }

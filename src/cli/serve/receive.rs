@@ -25,7 +25,7 @@ pub(crate) struct ReceptionArguments {
     /// Address to receive series on; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:11112", requires = "receive")]
     receive_listen: SocketAddr,
-    /// Application entity title: callers call it so
+    /// Application entity title by which callers address this receiver
     #[arg(long, value_name = "TITLE", default_value = "RELIEF", requires = "receive")]
     receive_aet: String,
     /// Bytes that the folder may have; objects beyond are refused

@@ -106,7 +106,7 @@ struct FollowArguments {
 
 #[derive(Debug, clap::Args)]
 struct FilterArguments {
-    /// How single frames are solved
+    /// Method that finds the pose of a single frame
     #[arg(long, value_enum, default_value_t = Solver::Lm)]
     solver: Solver,
     /// The filter that joins frames

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 pub struct Followed {
     /// How many were shown.
     pub views: u32,
-    /// All their times together.
+    /// The sum of their times.
     pub total: Duration,
     /// The longest.
     pub longest: Duration,

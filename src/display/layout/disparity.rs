@@ -11,7 +11,7 @@ use relief_base::{DepthLimits, ViewDepth};
 /// Cells between the limits: several for each byte, so that few steps are needed.
 const CELLS: usize = 4096;
 
-/// See the module.
+/// The disparity at the near side of each cell of depth, and the depths at which it changes.
 pub(super) struct DisparityTable {
     near_mm: f32,
     cells_per_mm: f32,

@@ -41,7 +41,7 @@ pub(super) struct Metadata {
 pub(super) struct Data {
     #[serde(default)]
     pub(super) label: Option<String>,
-    /// Where an arrow has its words.
+    /// The label of an arrow; other tools use `label`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) text: Option<String>,
     #[serde(default)]

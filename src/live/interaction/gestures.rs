@@ -49,7 +49,7 @@ struct Precise {
     mean: DVec3,
 }
 
-/// See the module.
+/// Makes intents from the poses and buttons of one hand.
 #[derive(Clone, Debug)]
 pub struct Gestures {
     options: HandOptions,
@@ -60,19 +60,19 @@ pub struct Gestures {
     held_ns: Option<u64>,
     tracked_ns: Option<u64>,
     counted_ns: Option<u64>,
-    /// The tip's place in view axes that is the focal point.
+    /// Position of the tip in view axes that stands for the focal point.
     center: Option<DVec3>,
     /// The hand, while it is tracked.
     hand: Option<HandInView>,
-    /// The mean of its places, the newer counting more.
+    /// Mean of its positions, weighted towards the newest.
     mean: Option<DVec3>,
     precise: Option<Precise>,
     grip: TriggerState,
     /// Whether a grab was sent that no release has followed.
     grabbed: bool,
-    /// Whether a preview was sent that nothing has followed.
+    /// Whether the last intent was a preview.
     placing: bool,
-    /// Where the cursor was sent to.
+    /// Last position that was sent for the cursor.
     cursor: Option<DVec3>,
 }
 

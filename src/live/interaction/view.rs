@@ -27,7 +27,7 @@ pub(super) enum ChangeKind {
     Zoom,
     Clip,
     Grab,
-    /// Never merged with another change.
+    /// It is never merged with another change.
     Single,
 }
 

@@ -152,7 +152,7 @@ impl Hello {
 /// Checks the name of a view: letters, digits, `-`, `_` and `.`, up to [`MAX_VIEW_NAME`].
 ///
 /// # Errors
-/// When it is another.
+/// When it has other characters, none, or too many.
 pub fn check_view_name(name: &str) -> Result<(), MessageError> {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
     if (1..=MAX_VIEW_NAME).contains(&name.len()) && name.bytes().all(plain) {

@@ -20,7 +20,7 @@ use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
 use crate::state::AppState;
 
-/// How long a browser stays signed in, seconds.
+/// Time that a browser stays signed in, seconds.
 const SIGNED_IN_S: u64 = 12 * 3600;
 /// Largest request to sign in.
 const MOST_BYTES: usize = 4 << 10;

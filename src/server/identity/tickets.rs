@@ -15,7 +15,7 @@ pub(super) const LIFETIME: Duration = Duration::from_secs(30);
 /// Tickets at a time; the oldest makes room.
 const MOST: usize = 10_000;
 
-/// The tickets that were given and not redeemed.
+/// The issued tickets that were not yet redeemed.
 #[derive(Default)]
 pub(crate) struct Tickets(Mutex<HashMap<String, Ticket>>);
 

@@ -38,13 +38,13 @@ use relief_session::{
 
 /// Refused messages that end a connection.
 const MOST_ERRORS: usize = 20;
-/// Of a still picture there is one quality: JPEG where nothing lossless is accepted.
+/// Quality of a still picture as JPEG, for clients that accept nothing lossless.
 const STILL_QUALITY: u8 = 95;
 
-/// How often a session asks whether its caller is still accepted.
+/// Interval at which a session checks that its caller's token is still valid.
 const REVOCATION: Duration = Duration::from_secs(2);
 
-/// See the module.
+/// A WebSocket of a session after its hello.
 pub(super) struct Connected {
     pub(super) parts: LiveParts,
     pub(super) session: Arc<Session>,

@@ -21,7 +21,7 @@ const SEEN_MM: f64 = 3.0;
 /// The clip plane stops this far before the landmark, mm: a user does not cut to the millimetre.
 const CUT_MM: [f64; 2] = [1.0, 3.0];
 
-/// The landmark is somewhere in the picture: so far from its middle at most, along each axis, mm.
+/// Largest distance of the landmark from the picture's middle along each axis, mm.
 const ASIDE_MM: f64 = 40.0;
 
 /// From the patient to the eye of the standard views: front, back, left, right, head, feet.

@@ -33,7 +33,7 @@ pub enum SolverKind {
 pub struct TrackerOptions {
     /// The filter that joins frames.
     pub filter: FilterKind,
-    /// How single frames are solved.
+    /// Method that finds the pose of a single frame.
     pub solver: SolverKind,
     /// Standard deviation of a blob's coordinate, px, rounding to whole pixels included.
     pub noise_px: f64,

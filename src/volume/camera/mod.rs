@@ -45,7 +45,7 @@ pub struct Camera {
     lens_shift: [f64; 2],
 }
 
-/// A camera that shows nothing.
+/// Why a camera cannot show anything.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// A coordinate is not finite or absurdly far away.
@@ -68,7 +68,7 @@ pub enum CameraError {
     /// A parallel projection has no eye that could look through a screen.
     #[error("a parallel projection has no eye: set projection to perspective (--fov-deg above 0)")]
     Parallel,
-    /// The height of an orthographic picture is not a usable length.
+    /// The height of an orthographic picture is outside of its range.
     #[error("orthographic height is {0} mm, allowed: 0.001 to 1000000")]
     Height(f64),
     /// The middle of the picture is too far from the viewing axis, or there is no eye that it could

@@ -68,7 +68,7 @@ impl PhantomKind {
     }
 }
 
-/// A name that is no phantom's.
+/// An unknown name of a phantom.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown phantom {0:?}; known phantoms: head, sphere, slab, ramp, axes")]
 pub struct UnknownPhantom(String);

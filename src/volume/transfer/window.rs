@@ -51,7 +51,7 @@ pub struct Window {
     pub center_hu: f64,
     /// Its width, HU, 1 to 65536.
     pub width_hu: f64,
-    /// The colours.
+    /// Assigns colours to values.
     pub map: WindowMap,
     /// Low values at the light end.
     pub is_inverted: bool,

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-/// How much of the way between two nodes is done.
+/// The fraction of the distance between two nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum NodeFraction {
     /// A straight line, this share done.
