@@ -1,6 +1,6 @@
 //! Why a point cannot be snapped.
 
-use super::SnapFeature;
+use super::feature::SnapFeature;
 
 /// Why a place was not moved.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

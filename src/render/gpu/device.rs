@@ -51,7 +51,7 @@ impl Gpu {
             ..Default::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(|error| {
-            GpuError::Device { adapter: Box::new(description.clone()), source: Box::new(error) }
+            GpuError::Device { adapter: description.to_string(), source: Box::new(error) }
         })?;
         // Errors are caught in scopes; one that escapes is logged, where the default would end the
         // process.

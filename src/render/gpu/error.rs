@@ -1,6 +1,5 @@
 //! Why the graphics adapter cannot be used.
 
-use crate::gpu::adapter::AdapterDescription;
 use crate::gpu::choice::AdapterChoice;
 
 /// Why the GPU could not do its work.
@@ -21,7 +20,7 @@ pub enum GpuError {
     #[error("{adapter} cannot be opened: {source}")]
     Device {
         /// The adapter.
-        adapter: Box<AdapterDescription>,
+        adapter: String,
         /// The error of wgpu.
         source: Box<wgpu::RequestDeviceError>,
     },
