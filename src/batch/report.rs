@@ -26,10 +26,11 @@ const SHEET_COLUMNS: usize = 4;
 /// Longest text of a warning or a reason in the page, characters.
 const LONGEST: usize = 400;
 
-/// A job that is done, with its picture made small.
+/// A job that is done.
 struct ReportedJob {
     record: Record,
-    small: Option<RgbaImage>,
+    /// Its picture in the page.
+    jpeg: Option<Vec<u8>>,
 }
 
 /// Name of the page.
@@ -47,32 +48,45 @@ pub fn write_report(
     out: &Sink,
     films: &FilmWriter,
 ) -> std::io::Result<()> {
-    let shown = |job| {
-        let Some(record) = Record::read(job, out)? else { return Ok(None) };
-        Ok(Some((job, ReportedJob { record, small: small_picture(job, out) })))
-    };
-    let shown: std::io::Result<Vec<Option<(&Job, ReportedJob)>>> = jobs.par_iter().map(shown).collect();
-    let mut series: BTreeMap<&str, Vec<ReportedJob>> = BTreeMap::new();
-    for (job, shown) in shown?.into_iter().flatten() {
-        series.entry(&job.series.name).or_default().push(shown);
+    let read = |job| Ok(Record::read(job, out)?.map(|record| (job, record)));
+    let done: std::io::Result<Vec<Option<(&Job, Record)>>> = jobs.par_iter().map(read).collect();
+    let mut series: BTreeMap<&str, Vec<(&Job, Record)>> = BTreeMap::new();
+    for (job, record) in done?.into_iter().flatten() {
+        series.entry(&job.series.name).or_default().push((job, record));
     }
-    series.par_iter().try_for_each(|(name, shown)| -> std::io::Result<()> {
-        if let Some(sheet) = sheet(shown) {
-            out.put(&format!("{name}/contact-sheet.png"), sheet)?;
-        }
-        for product in [Product::Capture, Product::AnnotatedCapture] {
-            match turntable_capture(out, &turns(name, shown, product)) {
-                Ok(Some(object)) => out.put(&format!("{name}/turntable.{}", product.ending()), object)?,
-                Ok(None) => {}
-                Err(error) => tracing::warn!("{name}: the turntable is no DICOM object: {error}"),
-            }
-        }
-        films.write_frames(out, name, &turns(name, shown, Product::Frame))?;
-        films.write(out, name, &turns(name, shown, Product::Color))
-    })?;
+    let series =
+        series.into_par_iter().map(|(name, done)| Ok((name, report_series(name, done, out, films)?)));
+    let series: BTreeMap<&str, Vec<ReportedJob>> = series.collect::<std::io::Result<_>>()?;
     let records = series.values().flatten().map(|one| &one.record);
     dataset::write_tables(records, out)?;
     out.put(REPORT, page(jobs.len(), &series, failures))
+}
+
+/// Writes the contact sheet and the turntable of a series. Of its pictures, JPEGs alone stay in
+/// memory.
+fn report_series(
+    name: &str,
+    done: Vec<(&Job, Record)>,
+    out: &Sink,
+    films: &FilmWriter,
+) -> std::io::Result<Vec<ReportedJob>> {
+    let small: Vec<Option<RgbaImage>> = done.par_iter().map(|(job, _)| small_picture(job, out)).collect();
+    let records = done.into_iter().map(|(_, record)| record);
+    let jpegs = small.iter().map(|small| small.as_ref().and_then(jpeg));
+    let shown: Vec<_> = records.zip(jpegs).map(|(record, jpeg)| ReportedJob { record, jpeg }).collect();
+    if let Some(sheet) = sheet(&shown, &small) {
+        out.put(&format!("{name}/contact-sheet.png"), sheet)?;
+    }
+    for product in [Product::Capture, Product::AnnotatedCapture] {
+        match turntable_capture(out, &turns(name, &shown, product)) {
+            Ok(Some(object)) => out.put(&format!("{name}/turntable.{}", product.ending()), object)?,
+            Ok(None) => {}
+            Err(error) => tracing::warn!("{name}: the turntable is no DICOM object: {error}"),
+        }
+    }
+    films.write_frames(out, name, &turns(name, &shown, Product::Frame))?;
+    films.write(out, name, &turns(name, &shown, Product::Color))?;
+    Ok(shown)
 }
 
 /// The colours or the frames of group `turntable`.
@@ -97,13 +111,15 @@ fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
 }
 
 /// All views of a series in one picture; those of another shape than the first are left out.
-fn sheet(shown: &[ReportedJob]) -> Option<Vec<u8>> {
-    let (width, height) = shown.iter().find_map(|one| one.small.as_ref()).map(RgbaImage::dimensions)?;
-    let pixels = |one: &ReportedJob| -> Option<Vec<[u8; 4]>> {
-        let small = one.small.as_ref().filter(|small| small.dimensions() == (width, height))?;
+fn sheet(shown: &[ReportedJob], small: &[Option<RgbaImage>]) -> Option<Vec<u8>> {
+    let (width, height) = small.iter().flatten().next().map(RgbaImage::dimensions)?;
+    let pixels = |small: &Option<RgbaImage>| -> Option<Vec<[u8; 4]>> {
+        let small = small.as_ref().filter(|small| small.dimensions() == (width, height))?;
         Some(small.pixels().map(|pixel| pixel.0).collect())
     };
-    let pictures: Vec<_> = shown.iter().filter_map(|one| Some((&one.record.view, pixels(one)?))).collect();
+    let pictures =
+        shown.iter().zip(small).filter_map(|(one, small)| Some((&one.record.view, pixels(small)?)));
+    let pictures: Vec<_> = pictures.collect();
     let thumbnails: Vec<Thumbnail<'_>> = pictures
         .iter()
         .map(|(name, color_rgba)| Thumbnail { name, size_px: [width, height], color_rgba })
@@ -171,13 +187,13 @@ fn failure_table(failures: &[Failure]) -> Markup {
     }
 }
 
-fn figure(ReportedJob { record, small }: &ReportedJob) -> Markup {
+fn figure(ReportedJob { record, jpeg }: &ReportedJob) -> Markup {
     let [width, height] = record.size_px;
     let bytes: u64 = record.outputs.iter().map(|output| output.bytes).sum();
     html! {
         figure {
-            @if let Some(jpeg) = small.as_ref().and_then(jpeg) {
-                img alt=(record.view) src={ "data:image/jpeg;base64," (BASE64.encode(&jpeg)) };
+            @if let Some(jpeg) = jpeg {
+                img alt=(record.view) src={ "data:image/jpeg;base64," (BASE64.encode(jpeg)) };
             }
             figcaption {
                 (record.view)
