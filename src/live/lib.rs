@@ -28,9 +28,9 @@ pub use frame::{
 pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Eyes, Formats, Hello,
-    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, NextLabel, NoFormat, OrbitPose, OutsideDepth,
-    Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
-    SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
+    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, MessageFault, NextLabel, NoFormat, OrbitPose,
+    OutsideDepth, Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings,
+    SnapTarget, SnapTo, SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 
 pub use interaction::{

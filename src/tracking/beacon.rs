@@ -53,7 +53,7 @@ pub enum BeaconError {
     )]
     Collinear,
     /// No direction.
-    #[error("up is {0:?}, allowed: any direction")]
+    #[error("up is {0:?}, allowed: any vector but zero")]
     Up([f64; 3]),
 }
 

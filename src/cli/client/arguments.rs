@@ -183,7 +183,7 @@ Examples:
   relief client --server http://127.0.0.1:8080 --headless --measure 600 --clients 50 --stalled 50 --view soak --check-every 0";
 
 fn view_name(name: &str) -> Result<String, String> {
-    check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.reason)
+    check_view_name(name).map(|()| name.to_owned()).map_err(|error| error.source.to_string())
 }
 
 fn parse_screen_plane(text: &str) -> Result<ScreenPlane, String> {

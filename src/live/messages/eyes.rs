@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MessageError, refused};
+use super::error::{MessageError, MessageFault};
 
 /// Farthest coordinate of an eye, mm.
 const FARTHEST_MM: f64 = 20_000.0;
@@ -33,10 +33,9 @@ impl Eyes {
         for (path, eye) in [("left_mm", self.left_mm), ("right_mm", self.right_mm)] {
             let is_near = eye.iter().all(|mm| mm.abs() <= FARTHEST_MM);
             if !is_near || eye[2] < NEAREST_MM {
-                let allowed = format!(
-                    "{eye:?}, allowed: up to {FARTHEST_MM} mm each, and z from {NEAREST_MM} mm in front of the screen"
-                );
-                return Err(refused(path, allowed));
+                let (farthest_mm, nearest_mm) = (FARTHEST_MM, NEAREST_MM);
+                let fault = MessageFault::Eye { found_mm: eye, farthest_mm, nearest_mm };
+                return Err(MessageError::new(path, fault));
             }
         }
         Ok(())

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MessageError, Settings, refused};
+use super::error::{MessageError, MessageFault};
+use super::settings::Settings;
 use crate::format::{ColorFormat, DepthFormat};
 use relief_annotation::Item;
 
@@ -128,13 +129,13 @@ impl Accept {
 impl Hello {
     pub(super) fn validate(&self) -> Result<(), MessageError> {
         if self.client.as_ref().is_some_and(|name| name.chars().count() > MAX_CLIENT_NAME) {
-            return Err(refused("client", format!("longer than {MAX_CLIENT_NAME} characters")));
+            return Err(MessageError::new("client", MessageFault::LongClient(MAX_CLIENT_NAME)));
         }
         if let Some(author) = &self.author {
             let characters = author.chars().count();
             if !(1..=Item::LONGEST_NAME).contains(&characters) || author.contains(char::is_control) {
-                let allowed = format!("1 to {} in one line", Item::LONGEST_NAME);
-                return Err(refused("author", format!("{characters} characters, allowed: {allowed}")));
+                let fault = MessageFault::Author { found: characters, most: Item::LONGEST_NAME };
+                return Err(MessageError::new("author", fault));
             }
         }
         if let Some(name) = &self.view {
@@ -142,7 +143,8 @@ impl Hello {
         }
         for (path, formats) in [("accept.color", &self.accept.color), ("accept.depth", &self.accept.depth)] {
             if formats.len() > MAX_FORMATS {
-                return Err(refused(path, format!("{} formats, allowed: {MAX_FORMATS}", formats.len())));
+                let fault = MessageFault::Formats { found: formats.len(), most: MAX_FORMATS };
+                return Err(MessageError::new(path, fault));
             }
         }
         Ok(())
@@ -158,6 +160,5 @@ pub fn check_view_name(name: &str) -> Result<(), MessageError> {
     if (1..=MAX_VIEW_NAME).contains(&name.len()) && name.bytes().all(plain) {
         return Ok(());
     }
-    let allowed = format!("1 to {MAX_VIEW_NAME} letters, digits, -, _ and .");
-    Err(refused("view", format!("no name of a view; allowed: {allowed}")))
+    Err(MessageError::new("view", MessageFault::ViewName(MAX_VIEW_NAME)))
 }

@@ -4,6 +4,7 @@
 //! with its path. [`ServerMessage::parse`] does the same for a server's messages. Lengths are in
 //! mm, angles in degrees, times in ns of the sender's own clock.
 
+mod error;
 mod eyes;
 mod hello;
 mod pose;
@@ -16,6 +17,7 @@ use serde_json::{Map, Value};
 
 use crate::interaction::Intent;
 
+pub use error::{MessageError, MessageFault};
 pub use eyes::Eyes;
 pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
 pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RawReport, RemotePose};
@@ -58,36 +60,26 @@ pub struct Ack {
     pub t_ns: u64,
 }
 
-/// A message that is refused: where, and why.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{path}: {reason}")]
-pub struct MessageError {
-    /// Path of the key.
-    pub path: String,
-    /// The fault at that path.
-    pub reason: String,
-}
-
-fn refused(path: &str, reason: impl std::fmt::Display) -> MessageError {
-    MessageError { path: path.to_owned(), reason: reason.to_string() }
-}
-
 /// A JSON object, its type taken out.
 fn object(text: &str) -> Result<(String, Map<String, Value>), MessageError> {
     if text.len() > MAX_TEXT_BYTES {
-        return Err(refused(".", format!("{} bytes, allowed: {MAX_TEXT_BYTES}", text.len())));
+        return Err(MessageError::new(
+            ".",
+            MessageFault::TooLong { found: text.len(), most: MAX_TEXT_BYTES },
+        ));
     }
-    let mut message: Map<String, Value> = serde_json::from_str(text).map_err(|error| refused(".", error))?;
+    let mut message: Map<String, Value> =
+        serde_json::from_str(text).map_err(|error| MessageError::new(".", error))?;
     match message.remove("type") {
         Some(Value::String(kind)) => Ok((kind, message)),
-        _ => Err(refused("type", "missing or no text")),
+        _ => Err(MessageError::new("type", MessageFault::NoType)),
     }
 }
 
 fn read<T: DeserializeOwned>(message: Map<String, Value>) -> Result<T, MessageError> {
     expect_objects(&message)?;
     serde_path_to_error::deserialize(Value::Object(message))
-        .map_err(|error| refused(&error.path().to_string(), error.inner()))
+        .map_err(|error| MessageError::new(&error.path().to_string(), error.into_inner()))
 }
 
 /// Refuses arrays where the messages have objects: serde would read them as an object's values in
@@ -112,7 +104,7 @@ fn expect_objects(message: &Map<String, Value>) -> Result<(), MessageError> {
         let first = names.next().and_then(|name| message.get(name));
         let found = names.try_fold(first, |value, name| value.map(|value| value.get(name)));
         if let Some(Some(Value::Array(_))) = found {
-            return Err(refused(&path[1..].replace('/', "."), "an array, expected an object"));
+            return Err(MessageError::new(&path[1..].replace('/', "."), MessageFault::Array));
         }
     }
     Ok(())
@@ -120,7 +112,7 @@ fn expect_objects(message: &Map<String, Value>) -> Result<(), MessageError> {
 
 fn take_number(message: &mut Map<String, Value>, key: &'static str) -> Result<u64, MessageError> {
     let value = message.remove(key).unwrap_or(Value::Null);
-    value.as_u64().ok_or_else(|| refused(key, format!("{value}, expected a whole number from 0 on")))
+    value.as_u64().ok_or_else(|| MessageError::new(key, MessageFault::NotANumber(value)))
 }
 
 /// A message with its type.
@@ -154,7 +146,8 @@ impl ClientMessage {
             "intent" => {
                 let [seq, t_ns] = [take_number(&mut message, "seq")?, take_number(&mut message, "t_ns")?];
                 let json = Value::Object(message).to_string();
-                let intent = Intent::from_json(json.as_bytes()).map_err(|error| refused("intent", error))?;
+                let intent =
+                    Intent::from_json(json.as_bytes()).map_err(|error| MessageError::new("intent", error))?;
                 Ok(Self::Intent(IntentMessage { seq, t_ns, intent }))
             }
             "settings" => read(message).map(|settings| Self::Settings(Box::new(settings))),
@@ -164,8 +157,8 @@ impl ClientMessage {
             }
             "ack" => read(message).map(Self::Ack),
             _ => {
-                let shown: String = kind.chars().take(40).collect();
-                Err(refused("type", format!("{shown:?}, allowed: {}", Self::TYPES.join(", "))))
+                let found = kind.chars().take(40).collect();
+                Err(MessageError::new("type", MessageFault::UnknownType { found, allowed: &Self::TYPES }))
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{MessageError, refused};
+use super::error::{MessageError, MessageFault};
 use crate::interaction::Intent;
 use relief_tracking::{Buttons, MAX_REPORT_BYTES, TrackingState, bytes_of_hex};
 use relief_volume::CameraFile;
@@ -92,10 +92,7 @@ impl RawReport {
     /// # Errors
     /// When they are no pairs of hexadecimal digits, or more than a report has.
     pub fn bytes(&self) -> Result<Vec<u8>, MessageError> {
-        let wrong = || MessageError {
-            path: "report".to_owned(),
-            reason: "no pairs of hexadecimal digits of at most 22 bytes".to_owned(),
-        };
+        let wrong = || MessageError::new("report", MessageFault::Report(MAX_REPORT_BYTES));
         let digits = Some(self.report.as_str()).filter(|digits| digits.len() <= 2 * MAX_REPORT_BYTES);
         digits.and_then(bytes_of_hex).ok_or_else(wrong)
     }
@@ -121,17 +118,16 @@ impl Pose {
             (Some(orbit), None) if !is_remote => PoseKind::Orbit(orbit),
             (None, Some(camera)) if !is_remote => PoseKind::Camera(camera),
             (None, None) if is_remote => {
-                let state = state.ok_or_else(|| refused("state", "missing beside a Wiimote's pose"))?;
+                let state = state.ok_or_else(|| MessageError::new("state", MessageFault::NoState))?;
                 let pose = position_mm.zip(orientation_xyzw);
                 if pose.is_some() != (state == TrackingState::Tracking)
                     || position_mm.is_some() != orientation_xyzw.is_some()
                 {
-                    let reason = "position_mm and orientation_xyzw are there while tracking, and only then";
-                    return Err(refused("state", reason));
+                    return Err(MessageError::new("state", MessageFault::Untracked));
                 }
                 PoseKind::Remote(RemotePose { state, pose, buttons: checked(buttons.unwrap_or_default())? })
             }
-            _ => return Err(refused(".", "one of: state with a Wiimote's pose, orbit, camera")),
+            _ => return Err(MessageError::new(".", MessageFault::PoseKinds)),
         };
         Ok(Self { seq, t_ns, what })
     }
@@ -154,14 +150,11 @@ impl Pose {
 
 /// Names of buttons, each known and there once.
 fn checked(buttons: Vec<String>) -> Result<Vec<String>, MessageError> {
-    let known: Vec<&str> = Buttons::ALL.iter().map(|(_, name)| *name).collect();
+    let known: Vec<&'static str> = Buttons::ALL.iter().map(|(_, name)| *name).collect();
     for (i, name) in buttons.iter().enumerate() {
         if !known.contains(&name.as_str()) || buttons[..i].contains(name) {
-            let shown: String = name.chars().take(40).collect();
-            return Err(refused(
-                &format!("buttons[{i}]"),
-                format!("{shown:?}, allowed, once each: {}", known.join(", ")),
-            ));
+            let fault = MessageFault::Button { found: name.chars().take(40).collect(), known };
+            return Err(MessageError::new(&format!("buttons[{i}]"), fault));
         }
     }
     Ok(buttons)

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::error::{MessageError, MessageFault};
 use super::hello::{ColorFormats, Role};
-use super::{Eyes, MessageError, object, read, refused, written};
+use super::{Eyes, object, read, written};
 use crate::format::DepthFormat;
 use crate::interaction::ViewRecord;
 use relief_tracking::TrackingState;
@@ -181,8 +182,8 @@ impl ServerMessage {
             "eyes" => read(message).map(Self::Eyes),
             "annotations" => read(message).map(Self::Annotations),
             _ => {
-                let shown: String = kind.chars().take(40).collect();
-                Err(refused("type", format!("{shown:?}, allowed: {}", Self::TYPES.join(", "))))
+                let found = kind.chars().take(40).collect();
+                Err(MessageError::new("type", MessageFault::UnknownType { found, allowed: &Self::TYPES }))
             }
         }
     }

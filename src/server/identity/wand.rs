@@ -43,7 +43,8 @@ pub(crate) async fn wand(
 ) -> Result<impl IntoResponse, Problem> {
     expect_content_type(&headers, "application/json")?;
     let wanted: WandRequest = parse(&read_body(body, MOST_BYTES, config.body_timeout).await?)?;
-    relief_live::check_view_name(&wanted.view).map_err(|error| unusable("view", &error.reason))?;
+    relief_live::check_view_name(&wanted.view)
+        .map_err(|error| unusable("view", &error.source.to_string()))?;
     let mut url = page_of(&wanted.origin)?;
     url.query_pairs_mut().append_pair("view", &wanted.view);
     if let Some(identity) = caller.identity {

@@ -30,7 +30,7 @@ use crate::state::LiveParts;
 use crate::volumes::describe;
 use relief_live::{
     AnnotationsMessage, ClientMessage, ErrorMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES,
-    MessageError, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
+    MessageError, MessageFault, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
 };
 use relief_session::{
     Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, lock, micros, search_preview,
@@ -258,11 +258,8 @@ impl Connected {
             }
             PoseKind::Camera(camera) => {
                 if camera.lens_shift != [0.0; 2] {
-                    let detail = "camera.lens_shift is not 0, which frames of a live session cannot notify";
-                    return Err(malformed(&MessageError {
-                        path: "camera.lens_shift".to_owned(),
-                        reason: detail.to_owned(),
-                    }));
+                    let error = MessageError::new("camera.lens_shift", MessageFault::LensShift);
+                    return Err(malformed(&error));
                 }
                 let camera = camera.resolve().map_err(Problem::refused_intent)?;
                 let replaced = self.session.view.set_camera(&self.viewer, echo, camera, now);

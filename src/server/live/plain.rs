@@ -265,7 +265,7 @@ pub(super) fn find_view(parts: &LiveParts, name: &str) -> Result<Arc<View>, Prob
 
 fn check_name(name: &str) -> Result<(), Problem> {
     check_view_name(name).map_err(|error| {
-        Problem::new(StatusCode::BAD_REQUEST, "malformed-name", error.reason).with("path", "view")
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-name", error.source).with("path", "view")
     })
 }
 
