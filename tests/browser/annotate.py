@@ -241,6 +241,7 @@ def files(page, server):
 
     def export():
         page.page.click("#export-button")
+        page.wait("document.getElementById('dialog').open")  # until then it has the last export's form, which is checked already
         page.page.check('#dialog input[value="mrk.json"]')
         with page.page.expect_download() as download:
             page.page.keyboard.press("Enter")  # confirms, wherever the button stands
