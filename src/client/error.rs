@@ -215,7 +215,7 @@ impl ServerText {
         Self(text.chars().filter(|c| !c.is_control()).take(400).collect())
     }
 
-    /// The words after a colon; nothing if there are none.
+    /// The words with ": " before them; empty if the server sent no words.
     fn after_colon(&self) -> String {
         if self.0.is_empty() { String::new() } else { format!(": {}", self.0) }
     }
