@@ -136,15 +136,15 @@ pub enum AnswerError {
     /// An answer without a WebSocket.
     #[error("HTTP {0} at /v1/session")]
     Status(StatusCode),
-    /// Bytes that are not HTTP or no WebSocket.
+    /// Bytes that are not HTTP or no WebSocket. It is no source: it may quote the server.
     #[error("{}", ServerText::new(&.0.to_string()))]
-    Protocol(#[source] BoxedError),
+    Protocol(BoxedError),
     /// A text message that is too long.
     #[error("a text message of {0} bytes")]
     LongText(usize),
-    /// A text message that the protocol does not have.
+    /// A text message that the protocol does not have. It is no source: it may quote the server.
     #[error("{}", ServerText::new(&.0.to_string()))]
-    Message(#[from] MessageError),
+    Message(MessageError),
     /// A frame before the session has begun.
     #[error("a frame before welcome")]
     EarlyFrame,
@@ -156,9 +156,9 @@ pub enum LossError {
     /// The error of the system.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// An error of HTTP or of the WebSocket; it may quote the server.
+    /// An error of HTTP or of the WebSocket. It is no source: it may quote the server.
     #[error("{}", ServerText::new(&.0.to_string()))]
-    Protocol(#[source] BoxedError),
+    Protocol(BoxedError),
     /// The server accepted the connection and did not begin the session.
     #[error("no welcome within {} s", .0.as_secs())]
     NoWelcome(Duration),
@@ -224,5 +224,30 @@ impl ServerText {
 impl fmt::Display for ServerText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A terminal would execute control characters.
+    #[test]
+    fn no_cause_has_control_characters_of_a_server() {
+        let server = "http://127.0.0.1:1".parse::<ServerAddress>().unwrap();
+        let quoted = || "unknown field `\u{1b}[2J`".to_owned();
+        let message = relief_live::ServerMessage::parse("{\"type\":\"state\",\"\\u001b[2J\":1}").unwrap_err();
+        assert!(message.to_string().contains('\u{1b}'), "the message quotes the key: {message:?}");
+        for error in [
+            ClientError::NotRelief { server: server.clone(), source: AnswerError::Message(message) },
+            ClientError::NotRelief { server: server.clone(), source: AnswerError::Protocol(quoted().into()) },
+            ClientError::Lost { server, source: LossError::Protocol(quoted().into()) },
+        ] {
+            let causes =
+                std::iter::successors(Some(&error as &(dyn Error + 'static)), |cause| Error::source(*cause));
+            for cause in causes {
+                assert!(!cause.to_string().contains(char::is_control), "{cause:?}");
+            }
+        }
     }
 }

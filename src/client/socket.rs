@@ -134,7 +134,7 @@ async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welc
                 Ok(ServerMessage::Welcome(welcome)) => return Ok(welcome),
                 Ok(ServerMessage::Error(error)) => said = Some(error.problem),
                 Ok(_) => {}
-                Err(error) => return Err(not_relief(error.into())),
+                Err(error) => return Err(not_relief(AnswerError::Message(error))),
             },
             Message::Binary(_) => return Err(not_relief(AnswerError::EarlyFrame)),
             Message::Close(frame) => return Err(closed(server, frame.as_ref(), said.as_ref())),

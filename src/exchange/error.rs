@@ -111,9 +111,10 @@ pub enum SyntaxError {
     /// The bytes are not text.
     #[error("this is no text in UTF-8")]
     Utf8,
-    /// Not JSON, or a value of another kind than the format has. serde quotes long values whole.
+    /// Not JSON, or a value of another kind than the format has. serde quotes long values whole,
+    /// so that this is no source.
     #[error("{}", shortened(.0))]
-    Json(#[from] serde_json::Error),
+    Json(serde_json::Error),
     /// A row cannot be read or written.
     #[error(transparent)]
     Csv(#[from] csv::Error),
@@ -132,6 +133,12 @@ pub enum SyntaxError {
     /// A label map or mesh is invalid.
     #[error(transparent)]
     Content(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl From<serde_json::Error> for SyntaxError {
+    fn from(error: serde_json::Error) -> Self {
+        Self::Json(error)
+    }
 }
 
 /// The first 300 characters of an error.
