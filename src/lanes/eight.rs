@@ -1,12 +1,15 @@
 //! Eight lanes of 32 bits. With AVX2, all places of a slice are compared with its length at once.
 
+#[cfg(target_arch = "x86_64")]
+use std::arch::x86_64::{__m256, __m256i, _mm256_permutevar8x32_ps};
+
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, i32x8, mask32x8};
 
 #[cfg(target_arch = "x86_64")]
 use crate::gather::{Reach, ends};
 use crate::wide::{HALF_ROOT, MANTISSA_BITS, ONE, each, wide};
-use crate::{Lanes, MOST_LANES, Mask, Real, Triple};
+use crate::{Lanes, Mask, Real, Triple};
 
 wide!(EightLanes, Eight, EightMask: 8 "Eight", f32x8, i32x8, mask32x8);
 
@@ -61,6 +64,12 @@ impl<S: Simd> EightLanes<S> {
     }
 
     #[inline(always)]
+    fn permuted_at_once(self, numbers: Eight<S>, lanes: i32x8<S>) -> Option<Eight<S>> {
+        let avx2 = self.0.level().as_avx2()?;
+        Some(Eight(permuted(avx2, numbers.0.into(), lanes.into()).simd_into(self.0)))
+    }
+
+    #[inline(always)]
     fn entries_at_once<const N: usize>(self, numbers: &[f32], at: i32x8<S>) -> Option<[[Eight<S>; 4]; N]> {
         let avx2 = self.0.level().as_avx2()?;
         let reach = Reach::new(avx2, numbers, at.to_array(), 0, 4 * N as i32 - 1);
@@ -78,7 +87,7 @@ impl<S: Simd> EightLanes<S> {
     }
 
     #[inline(always)]
-    fn of_ints(self, numbers: std::arch::x86_64::__m256i) -> Eight<S> {
+    fn of_ints(self, numbers: __m256i) -> Eight<S> {
         let numbers: i32x8<S> = numbers.simd_into(self.0);
         Eight(f32x8::float_from(numbers))
     }
@@ -86,3 +95,12 @@ impl<S: Simd> EightLanes<S> {
 
 #[cfg(not(target_arch = "x86_64"))]
 crate::wide::in_turn!(EightLanes, Eight, i32x8);
+
+#[cfg(target_arch = "x86_64")]
+fearless_simd::kernel!(
+    /// For each lane the number in the lane that it names.
+    #[inline(always)]
+    fn permuted(avx2: Avx2, numbers: __m256, lanes: __m256i) -> __m256 {
+        _mm256_permutevar8x32_ps(numbers, lanes)
+    }
+);

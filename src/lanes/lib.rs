@@ -56,10 +56,10 @@ pub trait Lanes: Copy {
     fn by_lane(self, number: impl FnMut(usize) -> f64) -> Self::Real;
     /// Reads the first lanes of a slice, which has at least as many numbers.
     fn load(self, numbers: &[Self::Scalar]) -> Self::Real;
-    /// For each lane the number at its place; places are below the number of lanes.
-    fn chosen(self, numbers: &[Self::Scalar; MOST_LANES], places: &[u8]) -> Self::Real;
     /// True in the lanes before the given number.
     fn first(self, count: usize) -> Self::Mask;
+    /// True in the lanes whose bits are set, the first lowest.
+    fn mask(self, bits: u32) -> Self::Mask;
 
     /// Places of cells of a three-dimensional array, x fastest: `at` holds whole numbers from 0 on.
     fn places(self, at: Triple<Self::Real>, strides: [i32; 2]) -> Self::Index;
@@ -96,6 +96,11 @@ pub trait Lanes: Copy {
 
     /// Moves the chosen lanes to the front, in their order. The lanes behind them are undefined.
     fn gathered(self, numbers: Self::Real, chosen: Self::Mask) -> Self::Real;
+    /// Moves the first lanes to the chosen ones, in their order: the inverse of `gathered`. The other
+    /// lanes are 0.
+    fn spread(self, numbers: Self::Real, chosen: Self::Mask) -> Self::Real;
+    /// For each lane the number in the lane that it names; places are below the number of lanes.
+    fn permuted(self, numbers: Self::Real, lanes: Self::Index) -> Self::Real;
 
     /// Runs code, out of line where the compiler finds that it pays, with the instructions of this
     /// width: code that is long, or is called from several places. A closure is marked

@@ -1,6 +1,6 @@
 //! One lane of 64 bits.
 
-use crate::{Lanes, MOST_LANES, Mask, Real, Triple};
+use crate::{Lanes, Mask, Real, Triple};
 
 /// The width of one lane of 64 bits.
 #[derive(Clone, Copy, Debug)]
@@ -124,12 +124,12 @@ impl Lanes for OneLane {
         One(numbers[0])
     }
     #[inline(always)]
-    fn chosen(self, numbers: &[f64; MOST_LANES], places: &[u8]) -> One {
-        One(numbers[usize::from(places[0]) % MOST_LANES])
-    }
-    #[inline(always)]
     fn first(self, count: usize) -> bool {
         count > 0
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> bool {
+        bits & 1 == 1
     }
     #[inline(always)]
     fn places(self, Triple([x, y, z]): Triple<One>, [row, layer]: [i32; 2]) -> usize {
@@ -175,6 +175,14 @@ impl Lanes for OneLane {
     }
     #[inline(always)]
     fn gathered(self, numbers: One, _chosen: bool) -> One {
+        numbers
+    }
+    #[inline(always)]
+    fn spread(self, numbers: One, chosen: bool) -> One {
+        if chosen { numbers } else { One(0.0) }
+    }
+    #[inline(always)]
+    fn permuted(self, numbers: One, _lanes: usize) -> One {
         numbers
     }
     fn apart<R>(self, run: impl FnOnce() -> R) -> R {

@@ -1,12 +1,14 @@
 //! Sixteen lanes of 32 bits, by AVX-512: places of a slice are compared with its length and read by an
 //! instruction each.
 
+use std::arch::x86_64::{__m512, __m512i, _mm512_permutexvar_ps};
+
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x16, i32x16, mask32x16};
 
 use crate::gather::{WideReach, ends};
 use crate::wide::{HALF_ROOT, MANTISSA_BITS, ONE, each, wide};
-use crate::{Lanes, MOST_LANES, Mask, Real, Triple};
+use crate::{Lanes, Mask, Real, Triple};
 
 wide!(SixteenLanes, Sixteen, SixteenMask: 16 "Sixteen", f32x16, i32x16, mask32x16);
 
@@ -62,6 +64,12 @@ impl<S: Simd> SixteenLanes<S> {
     }
 
     #[inline(always)]
+    fn permuted_at_once(self, numbers: Sixteen<S>, lanes: i32x16<S>) -> Option<Sixteen<S>> {
+        let avx512 = self.0.level().as_avx512()?;
+        Some(Sixteen(permuted(avx512, numbers.0.into(), lanes.into()).simd_into(self.0)))
+    }
+
+    #[inline(always)]
     fn entries_at_once<const N: usize>(self, numbers: &[f32], at: i32x16<S>) -> Option<[[Sixteen<S>; 4]; N]> {
         let avx512 = self.0.level().as_avx512()?;
         let reach = WideReach::new(avx512, numbers, at.into(), 0, 4 * N as i32 - 1);
@@ -72,3 +80,11 @@ impl<S: Simd> SixteenLanes<S> {
         Some(entries)
     }
 }
+
+fearless_simd::kernel!(
+    /// For each lane the number in the lane that it names.
+    #[inline(always)]
+    fn permuted(avx512: Avx512, numbers: __m512, lanes: __m512i) -> __m512 {
+        _mm512_permutexvar_ps(lanes, numbers)
+    }
+);

@@ -301,3 +301,52 @@ fn bytes_of_short_slices_are_read_too() {
         assert_eq!(dispatch(level, Turns(&bytes)), expected, "{length} bytes, {}", level.name());
     }
 }
+
+/// Moves numbers between lanes: the lanes of some bits to the front, the front to these lanes, and each
+/// to the mirrored lane.
+struct Moves(u32);
+
+impl Kernel for Moves {
+    type Output = [Vec<f64>; 3];
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+        let numbers = lanes.by_lane(|lane| f64::from(number_at(lane)));
+        let mirrored = lanes.place(lanes.by_lane(|lane| (L::COUNT - 1 - lane) as f64));
+        let chosen = lanes.mask(self.0);
+        assert_eq!(chosen.bits(), self.0);
+        let moved = [
+            lanes.gathered(numbers, chosen),
+            lanes.spread(numbers, chosen),
+            lanes.permuted(numbers, mirrored),
+        ];
+        moved.map(
+            #[inline(always)]
+            |moved| {
+                let mut stored = [lanes.scalar(0.0); MOST_LANES];
+                moved.store(&mut stored);
+                stored.into_iter().take(L::COUNT).map(Into::into).collect()
+            },
+        )
+    }
+}
+
+#[test]
+fn numbers_move_to_the_lanes_of_their_places() {
+    let check = |name: &str, lanes: usize, run: &dyn Fn(Moves) -> [Vec<f64>; 3]| {
+        let number = |lane: usize| f64::from(number_at(lane));
+        for bits in (0..1u32 << lanes).step_by(if lanes == 16 { 37 } else { 1 }) {
+            let [gathered, spread, mirrored] = run(Moves(bits));
+            let chosen: Vec<usize> = (0..lanes).filter(|lane| bits >> lane & 1 == 1).collect();
+            let expected: Vec<f64> = chosen.iter().map(|&lane| number(lane)).collect();
+            assert_eq!(gathered[..chosen.len()], expected, "{name}, {bits:b}");
+            let mut expected = vec![0.0; lanes];
+            (0..).zip(&chosen).for_each(|(from, &to)| expected[to] = number(from));
+            assert_eq!(spread, expected, "{name}, {bits:b}");
+            assert_eq!(mirrored, (0..lanes).rev().map(number).collect::<Vec<_>>(), "{name}");
+        }
+    };
+    check("one lane", 1, &|moves| moves.run(OneLane));
+    for level in levels() {
+        check(level.name(), dispatch(level, Count), &|moves| dispatch(level, moves));
+    }
+}

@@ -233,17 +233,12 @@ macro_rules! wide {
                 $real($floats::from_slice(self.0, &numbers[..$count]))
             }
             #[inline(always)]
-            fn chosen(self, numbers: &[f32; MOST_LANES], places: &[u8]) -> $real<S> {
-                let places = &places[..$count];
-                let mut chosen = [0.0; $count];
-                for lane in 0..$count {
-                    chosen[lane] = numbers[usize::from(places[lane]) % $count];
-                }
-                $real($floats::load_array(self.0, chosen))
+            fn first(self, count: usize) -> $mask<S> {
+                self.mask((1 << count.min($count)) - 1)
             }
             #[inline(always)]
-            fn first(self, count: usize) -> $mask<S> {
-                $mask($masks::from_bitmask(self.0, (1 << count.min($count)) - 1))
+            fn mask(self, bits: u32) -> $mask<S> {
+                $mask($masks::from_bitmask(self.0, bits.into()))
             }
             #[inline(always)]
             fn places(self, Triple([x, y, z]): Triple<$real<S>>, [row, layer]: [i32; 2]) -> $ints<S> {
@@ -333,6 +328,22 @@ macro_rules! wide {
                 $real(numbers.0.compress(chosen.0))
             }
             #[inline(always)]
+            fn spread(self, numbers: $real<S>, chosen: $mask<S>) -> $real<S> {
+                $real(numbers.0.expand(chosen.0))
+            }
+            #[inline(always)]
+            fn permuted(self, numbers: $real<S>, lanes: $ints<S>) -> $real<S> {
+                if let Some(permuted) = self.permuted_at_once(numbers, lanes) {
+                    return permuted;
+                }
+                let (numbers, lanes) = (numbers.0.to_array(), lanes.to_array());
+                let mut permuted = [0.0; $count];
+                for lane in 0..$count {
+                    permuted[lane] = numbers[lanes[lane] as usize % $count];
+                }
+                $real($floats::load_array(self.0, permuted))
+            }
+            #[inline(always)]
             fn apart<R>(self, run: impl FnOnce() -> R) -> R {
                 self.0.vectorize(run)
             }
@@ -370,6 +381,10 @@ macro_rules! in_turn {
             }
             #[inline(always)]
             fn reals_at_once(self, _: &[f32], _: $ints<S>) -> Option<[$real<S>; 2]> {
+                None
+            }
+            #[inline(always)]
+            fn permuted_at_once(self, _: $real<S>, _: $ints<S>) -> Option<$real<S>> {
                 None
             }
             #[inline(always)]

@@ -2,7 +2,7 @@
 //!
 //! Colours are display-referred sRGB 0..1, not premultiplied; opacity is that of one sample.
 
-use relief_lanes::{Lanes, Real as _, Triple};
+use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::request::Shading;
 use super::super::tables::Tables;
@@ -102,6 +102,9 @@ impl<'a, L: Lanes> GradientOpacity<'a, L> {
     }
 }
 
+/// A share of a highlight that no picture shows.
+const FAINT: f64 = 1.0 / (1u32 << 20) as f64;
+
 /// The headlight at the eye, two-sided.
 pub(super) struct Headlight<L: Lanes> {
     lanes: L,
@@ -109,8 +112,10 @@ pub(super) struct Headlight<L: Lanes> {
     pub(super) has_highlight: bool,
     pub(super) ambient: L::Real,
     pub(super) diffuse: L::Real,
-    pub(super) specular: L::Real,
-    pub(super) shininess: L::Real,
+    specular: L::Real,
+    shininess: L::Real,
+    /// The cosine whose highlight is [`FAINT`].
+    least_cosine: L::Real,
 }
 
 impl<L: Lanes> Headlight<L> {
@@ -124,6 +129,7 @@ impl<L: Lanes> Headlight<L> {
             diffuse: lanes.splat(shading.diffuse),
             specular: lanes.splat(shading.specular),
             shininess: lanes.splat(shading.shininess),
+            least_cosine: lanes.splat(FAINT.powf(1.0 / shading.shininess)),
         }
     }
 
@@ -148,9 +154,19 @@ impl<L: Lanes> Headlight<L> {
         let length = length_squared.max(number(NO_GRADIENT)).sqrt();
         let facing = (gradient.dot(direction).abs() / length).min(number(1.0));
         let light = self.ambient + self.diffuse * facing;
-        let highlight =
-            if self.has_highlight { self.specular * facing.pow(self.shininess) } else { number(0.0) };
+        let highlight = if self.has_highlight { self.highlight(facing) } else { number(0.0) };
         let lit = rgb.scaled(light).plus(Triple::of(highlight));
         self.ambient(rgb).or_where_not([is_flat; 3], lit)
+    }
+    /// Highlights by the cosine of the angle from their middle. Fainter ones than [`FAINT`] are 0: most
+    /// samples have none, and powers take long.
+    #[inline(always)]
+    pub(super) fn highlight(&self, cosine: L::Real) -> L::Real {
+        let shows = self.least_cosine.lt(cosine);
+        if !shows.any() {
+            return self.lanes.splat(0.0);
+        }
+        let shine = cosine.max(self.least_cosine).pow(self.shininess);
+        self.specular * shine.or_where_not(shows, self.lanes.splat(0.0))
     }
 }

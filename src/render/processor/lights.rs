@@ -236,8 +236,7 @@ impl<'a, L: Lanes> Placed<'a, L> {
                 let between = toward.minus(direction);
                 let length = between.dot(between).sqrt().max(least);
                 let across = (normal.dot(between).max(zero) / length).min(one);
-                let shine = across.max(self.lanes.splat(1e-30)).pow(head.shininess);
-                given = given.plus(Triple::of(head.specular * shine));
+                given = given.plus(Triple::of(head.highlight(across)));
             }
             let reached = share.or_where_not(zero.lt(facing), zero);
             sum = sum.plus(given.times(light.rgb).scaled(reached));

@@ -16,37 +16,48 @@ pub(super) struct Pending<L: Lanes, const N: usize> {
     /// Component after component.
     samples: [[L::Scalar; WAITING]; N],
     /// The lanes of their rays.
-    rays: [u8; WAITING],
+    rays: [L::Scalar; WAITING],
     pub(super) len: usize,
-    directions: [[L::Scalar; MOST_LANES]; 3],
-    sums: [[L::Scalar; MOST_LANES]; 3],
+    /// Samples that were added at once: a bit for the lane of each that still waits. A ring.
+    groups: [u32; WAITING],
+    first_group: usize,
+    last_group: usize,
+    /// 0, 1, 2 and so on.
+    lane_numbers: L::Real,
+    directions: Triple<L::Real>,
+    sums: Triple<L::Real>,
 }
 
 impl<L: Lanes, const N: usize> Pending<L, N> {
     #[inline(always)]
     pub(super) fn new(lanes: L, rays: &Rays<L>) -> Self {
         let zero = lanes.scalar(0.0);
-        let mut directions = [[zero; MOST_LANES]; 3];
-        rays.direction.0[0].store(&mut directions[0]);
-        rays.direction.0[1].store(&mut directions[1]);
-        rays.direction.0[2].store(&mut directions[2]);
-        let samples = [[zero; WAITING]; N];
-        let (rays, sums) = ([0; WAITING], [[zero; MOST_LANES]; 3]);
-        Self { lanes, samples, rays, len: 0, directions, sums }
+        Self {
+            lanes,
+            samples: [[zero; WAITING]; N],
+            rays: [zero; WAITING],
+            len: 0,
+            groups: [0; WAITING],
+            first_group: 0,
+            last_group: 0,
+            lane_numbers: lanes.by_lane(|lane| lane as f64),
+            directions: rays.direction,
+            sums: Triple::of(lanes.splat(0.0)),
+        }
     }
 
-    /// Appends the samples of the chosen lanes. Fewer than there are lanes wait.
+    /// Appends the samples of the chosen lanes, of which there are some. Fewer than there are lanes
+    /// wait.
     #[inline(always)]
     pub(super) fn push(&mut self, sample: [L::Real; N], chosen: L::Mask) {
         for (numbers, waiting) in sample.into_iter().zip(&mut self.samples) {
             self.lanes.gathered(numbers, chosen).store(&mut waiting[self.len..]);
         }
-        let mut bits = chosen.bits();
-        while bits != 0 {
-            self.rays[self.len] = bits.trailing_zeros() as u8;
-            self.len += 1;
-            bits &= bits - 1;
-        }
+        self.lanes.gathered(self.lane_numbers, chosen).store(&mut self.rays[self.len..]);
+        let bits = chosen.bits();
+        self.len += bits.count_ones() as usize;
+        self.groups[self.last_group % WAITING] = bits;
+        self.last_group = (self.last_group + 1) % WAITING;
     }
 
     /// The first samples, one in each lane, and the directions of their rays. Lanes beyond those
@@ -57,39 +68,61 @@ impl<L: Lanes, const N: usize> Pending<L, N> {
         for (numbers, waiting) in sample.iter_mut().zip(&self.samples) {
             *numbers = self.lanes.load(waiting);
         }
-        let along = |axis: usize| self.lanes.chosen(&self.directions[axis], &self.rays);
-        (sample, Triple([along(0), along(1), along(2)]))
+        let rays = self.lanes.place(self.lanes.load(&self.rays));
+        let Triple([x, y, z]) = self.directions;
+        let [x, y, z] =
+            [self.lanes.permuted(x, rays), self.lanes.permuted(y, rays), self.lanes.permuted(z, rays)];
+        (sample, Triple([x, y, z]))
     }
 
     /// Adds the light of the first samples to their rays, and forgets them.
     #[inline(always)]
     pub(super) fn add(&mut self, light: Triple<L::Real>) {
+        let Triple([red, green, blue]) = light;
         let done = self.len.min(L::COUNT);
-        let mut shares = [[self.lanes.scalar(0.0); MOST_LANES]; 3];
-        light.0[0].store(&mut shares[0]);
-        light.0[1].store(&mut shares[1]);
-        light.0[2].store(&mut shares[2]);
-        for (sums, shares) in self.sums.iter_mut().zip(&shares) {
-            for (share, &ray) in shares[..done].iter().zip(&self.rays) {
-                let sum = &mut sums[usize::from(ray) % MOST_LANES];
-                *sum = *sum + *share;
-            }
+        let mut before = 0;
+        while before < done {
+            let bits = self.next_group(done - before);
+            let group = self.lanes.mask(bits);
+            let places = self.lane_numbers + self.lanes.splat(before as f64);
+            let places = self.lanes.place(self.lanes.spread(places, group));
+            let share = Triple([
+                self.lanes.permuted(red, places),
+                self.lanes.permuted(green, places),
+                self.lanes.permuted(blue, places),
+            ]);
+            self.sums = self.sums.plus(share).or_where_not([group; 3], self.sums);
+            before += bits.count_ones() as usize;
         }
         self.len -= done;
         for to in (0..self.len).step_by(L::COUNT) {
             for component in &mut self.samples {
                 self.lanes.load(&component[to + L::COUNT..]).store(&mut component[to..]);
             }
+            self.lanes.load(&self.rays[to + L::COUNT..]).store(&mut self.rays[to..]);
         }
-        for i in 0..self.len {
-            self.rays[i] = self.rays[i + L::COUNT];
+    }
+
+    /// Takes the lanes of the first group that waits, at most a number of them.
+    #[inline(always)]
+    fn next_group(&mut self, most: usize) -> u32 {
+        let group = &mut self.groups[self.first_group % WAITING];
+        let mut rest = *group;
+        if most < rest.count_ones() as usize {
+            for _ in 0..most {
+                rest &= rest - 1;
+            }
+            let first = *group & !rest;
+            *group = rest;
+            return first;
         }
+        self.first_group = (self.first_group + 1) % WAITING;
+        rest
     }
 
     /// The colours of the rays.
     #[inline(always)]
     pub(super) fn colors(&self) -> Triple<L::Real> {
-        let [red, green, blue] = &self.sums;
-        Triple([self.lanes.load(red), self.lanes.load(green), self.lanes.load(blue)])
+        self.sums
     }
 }
