@@ -110,38 +110,32 @@ impl<'a, L: Lanes> Field<'a, L> {
 
     /// The same in any cell: neighbours that are missing are the outermost voxels themselves.
     #[inline(always)]
-    fn differences_at_edge(&self, cell: &Cell<L>) -> Triple<L::Real> {
-        let [near_low, near_high] = [self.four(cell, [0, 0]), self.four(cell, [1, 0])];
-        let [far_low, far_high] = [self.four(cell, [0, 1]), self.four(cell, [1, 1])];
-        let inner = [[near_low, near_high], [far_low, far_high]];
-        let [p, q] = [self.two(cell, [-1, 0]), self.two(cell, [2, 0])];
-        let [r, s] = [self.two(cell, [-1, 1]), self.two(cell, [2, 1])];
-        let [t, u] = [self.two(cell, [0, -1]), self.two(cell, [1, -1])];
-        let [v, w] = [self.two(cell, [0, 2]), self.two(cell, [1, 2])];
-        blended(cell.share, inner, [[p, q], [r, s]], [[t, u], [v, w]])
+    fn differences_at_edge(&self, &Cell { base, share, .. }: &Cell<L>) -> Triple<L::Real> {
+        let [row, layer] = self.strides;
+        let (zero, one, two) = (self.lanes.splat(0.0), self.lanes.splat(1.0), self.lanes.splat(2.0));
+        let Triple([x, y, z]) = base;
+        let (Triple([_, last_y, last_z]), Triple([last_x, ..])) = (self.last, self.last_base);
+        let rows = [0, row, layer, layer + row];
+        let inner = self.pairs([x, y, z], rows);
+        let before = self.pairs([(x - one).max(zero), y, z], rows);
+        let after = self.pairs([(x + one).min(last_x), y, z], rows);
+        let [p, r] = self.pairs([x, (y - one).max(zero), z], [0, layer]);
+        let [q, s] = self.pairs([x, (y + two).min(last_y), z], [0, layer]);
+        let [t, u] = self.pairs([x, y, (z - one).max(zero)], [0, row]);
+        let [v, w] = self.pairs([x, y, (z + two).min(last_z)], [0, row]);
+        let [[before_0, _], [before_1, _], [before_2, _], [before_3, _]] = before;
+        let [[low_0, high_0], [low_1, high_1], [low_2, high_2], [low_3, high_3]] = inner;
+        let [[_, after_0], [_, after_1], [_, after_2], [_, after_3]] = after;
+        let near = [[before_0, low_0, high_0, after_0], [before_1, low_1, high_1, after_1]];
+        let far = [[before_2, low_2, high_2, after_2], [before_3, low_3, high_3, after_3]];
+        blended(share, [near, far], [[p, q], [r, s]], [[t, u], [v, w]])
     }
 
-    /// The row of a cell at a number of steps along y and z, with a voxel more at both ends.
+    /// Two voxels along a row from each of some voxels on, at these distances.
     #[inline(always)]
-    fn four(&self, cell: &Cell<L>, [y, z]: [i32; 2]) -> [L::Real; 4] {
-        let [low, high] = self.two(cell, [y, z]);
-        [self.voxel(cell, [-1, y, z]), low, high, self.voxel(cell, [2, y, z])]
-    }
-
-    /// The row of a cell at a number of steps along y and z.
-    #[inline(always)]
-    fn two(&self, cell: &Cell<L>, [y, z]: [i32; 2]) -> [L::Real; 2] {
-        [self.voxel(cell, [0, y, z]), self.voxel(cell, [1, y, z])]
-    }
-
-    /// The voxel at a number of steps from the base of a cell along each axis, or the outermost one on
-    /// the way.
-    #[inline(always)]
-    fn voxel(&self, cell: &Cell<L>, [x, y, z]: [i32; 3]) -> L::Real {
-        let steps =
-            Triple([self.lanes.splat(x.into()), self.lanes.splat(y.into()), self.lanes.splat(z.into())]);
-        let at = cell.base.plus(steps).max(Triple::of(self.lanes.splat(0.0))).min(self.last);
-        self.lanes.numbers(self.voxels_hu, self.lanes.places(at, self.strides))
+    fn pairs<const N: usize>(&self, voxel: [L::Real; 3], distances: [i32; N]) -> [[L::Real; 2]; N] {
+        let at = self.lanes.places(Triple(voxel), self.strides);
+        self.lanes.short_pairs(self.voxels_hu, at, distances)
     }
 }
 
