@@ -50,7 +50,12 @@ const BINS: usize = 4096;
 #[must_use]
 pub fn visible_limits(depths_mm: &(impl Iterator<Item = f32> + Clone)) -> Option<DepthLimits> {
     let hits = || depths_mm.clone().filter(|depth| depth.is_finite());
-    let (low, high) = hits().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), d| (l.min(d), h.max(d)));
+    // Without branches on hits, which vary from pixel to pixel.
+    let ends = |(low, high): (f32, f32), depth: f32| {
+        let is_hit = depth.is_finite();
+        (if is_hit & (depth < low) { depth } else { low }, if is_hit & (depth > high) { depth } else { high })
+    };
+    let (low, high) = depths_mm.clone().fold((f32::INFINITY, f32::NEG_INFINITY), ends);
     let (low, extent) = (f64::from(low), f64::from(high) - f64::from(low));
     if !extent.is_finite() || extent < FLAT_MM {
         return None;

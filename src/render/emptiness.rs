@@ -51,6 +51,9 @@ impl PictureWarning {
         if depths().next().is_none() {
             return Some(Self::NothingVisible(EmptyCause::of(request, subject, range_hu)));
         }
+        if display.near_mm.is_none() && display.far_mm.is_none() {
+            return None; // limits that no request has set hold all that is visible
+        }
         let limits = frame.limits_for(display).ok()?;
         if depths().map(f64::from).any(|depth| limits.near_mm < depth && depth < limits.far_mm) {
             return None;

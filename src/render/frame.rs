@@ -64,8 +64,12 @@ impl RenderedFrame {
     pub fn limits_for(&self, display: &DisplaySettings) -> Result<DepthLimits, SettingsError> {
         let own = || {
             let pixels = self.depth_mm.iter().zip(&self.color_rgba);
-            let seen = pixels.filter(|(_, [.., coverage])| *coverage >= LEAST_COVERAGE);
-            let visible = visible_limits(&seen.map(|(depth, _)| *depth))?;
+            let seen = pixels.map(
+                |(&depth, &[.., coverage])| {
+                    if coverage >= LEAST_COVERAGE { depth } else { f32::INFINITY }
+                },
+            );
+            let visible = visible_limits(&seen)?;
             let ball_mm = self.nearest_ball_mm.unwrap_or(f64::INFINITY);
             DepthLimits::new(visible.near_mm.min(ball_mm.max(0.0)), visible.far_mm)
         };

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use relief_base::DepthLimits;
 use relief_display::{
-    CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameEncoder, Layout, LayoutError, Picture,
-    SettingsError, encode_exr, encode_jpeg, encode_png, encode_views,
+    CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameContent, FrameEncoder, Layout,
+    LayoutError, Picture, SettingsError, encode_exr, encode_jpeg, encode_png, encode_views,
 };
 use relief_render::RenderedFrame;
 use relief_volume::{Camera, Projection};
@@ -97,7 +97,15 @@ pub fn encode(
     product: Product,
     format: FileFormat,
 ) -> Result<Vec<u8>, EncodingError> {
-    let limits = frame.limits_for(display)?;
+    let shows_depth = match format {
+        FileFormat::Png => {
+            product == Product::Depth || display.layout.info().content != FrameContent::Picture
+        }
+        FileFormat::Jpeg => false,
+        FileFormat::Exr | FileFormat::Raw => true,
+    };
+    // Those of the visible surfaces take as long to find as a picture to compress.
+    let limits = if shows_depth { frame.limits_for(display)? } else { display.limits(frame.limits)? };
     match (format, product) {
         (FileFormat::Png, Product::Frame) => png(frame, &display.encoder()?, limits),
         (FileFormat::Png, Product::Depth) => {
