@@ -11,7 +11,7 @@ use super::mode::Mode;
 use super::request::RenderRequest;
 use super::surface::Surface;
 use super::tables::{TableSet, Tables};
-use super::volume_plan::VolumePlan;
+use super::volume_plan::{VolumeLimits, VolumePlan};
 use relief_base::{Patient, Point, Voxel};
 use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, TransferFunction, Volume};
 
@@ -94,6 +94,32 @@ impl VolumeBricks {
             let set = sets[segments.of_brick()[brick] as usize];
             tables.is_of_interest_in(request, set, stored(low), stored(high))
         })
+    }
+}
+
+/// A volume as a renderer needs it before the first ray, made on another thread while the renderer
+/// draws; see [`super::Renderer::adopt`].
+pub struct PreparedVolume {
+    volume: ContentHash,
+    /// Edges of its bricks.
+    edges: [usize; 2],
+    bricks: VolumeBricks,
+}
+
+impl PreparedVolume {
+    /// Prepares the volume that a request shows, for a renderer with these limits; `None` where they
+    /// do not allow it.
+    #[must_use]
+    pub fn new(volume: &Volume, request: &RenderRequest, limits: &VolumeLimits) -> Option<Self> {
+        let volume = request.shown(volume);
+        let plan = limits.plan(volume.grid().dims()).ok()?;
+        let bricks = VolumeBricks::new(volume, &plan);
+        Some(Self { volume: volume.content_hash(), edges: plan.brick_edges(), bricks })
+    }
+
+    /// The bricks, if they are those of a volume as planned.
+    pub(super) fn bricks_of(self, volume: ContentHash, plan: &VolumePlan) -> Option<VolumeBricks> {
+        (self.volume == volume && self.edges == plan.brick_edges()).then_some(self.bricks)
     }
 }
 

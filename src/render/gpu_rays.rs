@@ -15,10 +15,12 @@ use super::region::Region;
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use super::slices::SlicePipelines;
-use super::store::{MemoryUse, Store, VolumeLimits};
+use super::store::{MemoryUse, Store};
 use super::target::{CastKey, CastOptions, Target, Unfinished, background, layers};
 use super::uniform::FrameUniform;
+use super::volume_plan::VolumeLimits;
 use super::watch::Watch;
+use crate::appearance::PreparedVolume;
 use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::limits::depth_limits;
 use crate::texture::VoxelFormat;
@@ -96,6 +98,11 @@ impl GpuRays {
     /// adapter, and more than [`VolumeLimits::BRICKS`] bricks, are cut to them.
     pub(super) fn set_volume_limits(&mut self, limits: VolumeLimits) {
         self.store.limits = limits.within(VolumeLimits::of(&self.gpu));
+    }
+
+    /// Takes over a volume that another thread has prepared.
+    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
+        self.store.adopted = Some(prepared);
     }
 
     /// The cached data on the adapter.

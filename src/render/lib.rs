@@ -81,7 +81,8 @@ mod volume_plan;
 mod watch;
 
 pub use crate::request_error::RequestError;
-pub use crate::volume_plan::VolumePlan;
+pub use crate::volume_plan::{VolumeLimits, VolumePlan};
+pub use appearance::PreparedVolume;
 pub use chosen::{BLOCK_PX, ChosenBlocks};
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
@@ -111,7 +112,7 @@ pub use scene::{
     shading_json, transfer_json,
 };
 pub use skipping::EmptySpaceSkipping;
-pub use store::{MemoryUse, VolumeLimits};
+pub use store::MemoryUse;
 pub use surface::Surface;
 pub use table_rule::TableRule;
 pub use view_synthesis::{ViewSynthesizer, view_synthesizer};

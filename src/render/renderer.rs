@@ -12,9 +12,11 @@ use super::overlay::Drawing;
 use super::processor::{Processor, left_by_processor};
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
-use super::store::{MemoryUse, VolumeLimits};
+use super::store::MemoryUse;
 use super::table_mark;
+use super::volume_plan::VolumeLimits;
 use super::watch::{Progress, Watch};
+use crate::appearance::PreparedVolume;
 use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, StallError, adapters, has_card};
 use relief_lanes::Level;
 use relief_volume::{ContentHash, Volume};
@@ -327,6 +329,16 @@ impl Renderer {
     /// When the volume is too large for the adapter, or the adapter fails.
     pub fn sampling_rate(&mut self, volume: &Volume) -> Result<f64, RenderError> {
         self.graphics("a driver's sampling rate")?.sampling_rate(volume)
+    }
+
+    /// Takes over a volume that another thread has prepared, for its first picture. It holds until
+    /// another one is prepared or adopted.
+    pub fn adopt(&mut self, prepared: PreparedVolume) {
+        match (&mut self.processor, &mut self.gpu) {
+            (Some(processor), _) => processor.adopt(prepared),
+            (None, Some(gpu)) => gpu.adopt(prepared),
+            (None, None) => {}
+        }
     }
 
     /// Frees all that is cached, after there was too little memory for a picture.

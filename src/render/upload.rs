@@ -28,12 +28,13 @@ impl VolumeOnGpu {
         self.format.stored(hu)
     }
 
-    /// Uploads a volume as planned for its dimensions.
+    /// Uploads a volume as planned for its dimensions, with its bricks if they are known.
     pub(super) fn upload(
         gpu: &Gpu,
         volume: &Volume,
         format: VoxelFormat,
         plan: VolumePlan,
+        bricks: Option<VolumeBricks>,
     ) -> Result<Self, GpuError> {
         let scope = ErrorScope::open(gpu, "a volume");
         let dims = volume.grid().dims();
@@ -48,7 +49,7 @@ impl VolumeOnGpu {
         let gradients = Gradients::upload(gpu, volume, format, plan.gradient_bytes > 0);
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let bricks = VolumeBricks::new(volume, &plan);
+        let bricks = bricks.unwrap_or_else(|| VolumeBricks::new(volume, &plan));
         Ok(Self { hash: volume.content_hash(), view, gradients, plan, format, bricks })
     }
 }

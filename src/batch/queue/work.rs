@@ -19,7 +19,8 @@ use crate::gate::MemoryBudget;
 use crate::manifest::{Job, JobKey};
 use crate::queue::client::WorkEnd;
 use crate::record::Record;
-use crate::run::{RunEvent, RunState, render_groups};
+use crate::run::render_groups;
+use crate::run_state::{RunEvent, RunState};
 use crate::sink::Sink;
 use relief_render::Renderer;
 

@@ -53,6 +53,7 @@ mod walk;
 
 use relief_lanes::Level;
 
+use super::appearance::PreparedVolume;
 use super::bands::Bands;
 use super::detail::Detail;
 use super::error::RenderError;
@@ -62,7 +63,8 @@ use super::mode::Mode;
 use super::quality::Quality;
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
-use super::store::{MemoryUse, VolumeLimits};
+use super::store::MemoryUse;
+use super::volume_plan::VolumeLimits;
 use super::watch::Watch;
 use crate::gpu::{AdapterDescription, AdapterKind};
 use cast::{Order, Unfinished, Width};
@@ -142,6 +144,11 @@ impl Processor {
     /// Sets the size of bands: see [`super::Renderer::set_band_pixels`].
     pub(super) fn set_band_pixels(&mut self, pixels: u32) {
         self.bands = Bands::of_pixels(pixels);
+    }
+
+    /// Takes over a volume that another thread has prepared.
+    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
+        self.cache.adopt(prepared);
     }
 
     /// Drops a volume and its appearances from the cache.

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::super::appearance::{AppearanceKey, VisibleBricks, VolumeBricks};
+use super::super::appearance::{AppearanceKey, PreparedVolume, VisibleBricks, VolumeBricks};
 use super::super::request::RenderRequest;
 use super::super::store::MemoryUse;
 use super::super::tables::Tables;
@@ -59,6 +59,8 @@ struct Filling {
 #[derive(Default)]
 pub(super) struct Cache {
     volumes: Vec<(ContentHash, VolumeBricks)>,
+    /// The next volume.
+    adopted: Option<PreparedVolume>,
     labels: Vec<Segmented>,
     appearances: Vec<Prepared>,
     fillings: Vec<Filling>,
@@ -71,7 +73,10 @@ pub(super) struct Cache {
 impl Looks {
     /// The looks of a request on a volume with bricks of this edge.
     pub(super) fn new(request: &RenderRequest, volume: &Volume, brick_edge: usize) -> Self {
-        let tables = Tables::new(request);
+        Self::of_tables(Tables::new(request), request, volume, brick_edge)
+    }
+
+    fn of_tables(tables: Tables, request: &RenderRequest, volume: &Volume, brick_edge: usize) -> Self {
         let opacities = tables.own.entries.iter().map(|entry| entry[3]).collect();
         let entries = if request.labels.is_some() { tables.buffer() } else { Vec::new() };
         let paths_end_in_neighbours = paths_end_in_neighbours(request, volume.grid(), brick_edge);
@@ -103,7 +108,9 @@ impl Cache {
             None => {
                 make_room(&mut self.volumes, KEPT);
                 self.made += 1;
-                self.volumes.push((hash, VolumeBricks::new(volume, plan)));
+                let adopted = self.adopted.take().and_then(|adopted| adopted.bricks_of(hash, plan));
+                let bricks = adopted.unwrap_or_else(|| VolumeBricks::new(volume, plan));
+                self.volumes.push((hash, bricks));
             }
         }
         let segments = request.labels.as_ref().map(|labels| self.segments(hash, &labels.map, plan));
@@ -111,11 +118,16 @@ impl Cache {
         let tables = Tables::new(request);
         let map = bricks.distance_map(segments.as_deref(), request, &tables, f32::from);
         let bricks = VisibleBricks::new(&map, request);
-        let looks = Looks::new(request, volume, map.edge);
+        let looks = Looks::of_tables(tables, request, volume, map.edge);
         make_room(&mut self.appearances, KEPT);
         let key = AppearanceKey::new(hash, request);
         self.appearances.push(Prepared { key, looks, map, bricks });
         (self.appearances.last().expect("just made"), true)
+    }
+
+    /// Keeps a volume that another thread has prepared until it is shown.
+    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
+        self.adopted = Some(prepared);
     }
 
     /// The coarse form of a volume.

@@ -11,7 +11,7 @@ use super::super::letters;
 use super::super::overlay::Drawing;
 use super::super::request::RenderRequest;
 use super::super::skipping::EmptySpaceSkipping;
-use super::super::store::VolumeLimits;
+use super::super::volume_plan::VolumeLimits;
 use super::super::watch::Watch;
 use super::cast::{Order, Width};
 use super::prepared::Cache;

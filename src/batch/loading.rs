@@ -1,0 +1,174 @@
+//! Loading: the series of each group of jobs, one ahead of the renderer, with all that can be done
+//! before rays are cast.
+
+use std::borrow::Borrow;
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+use super::copies::Copies;
+use super::error::{FailureKind, SeriesError};
+use super::gate::MemoryBudget;
+use super::manifest::Job;
+use super::run_state::RunState;
+use super::source::{BudgetedVolume, SeriesSource};
+use relief_render::{PreparedVolume, Scene, SceneError, SceneFile, Subject, VolumeLimits};
+
+/// How long a permanent failure of a series holds: it may be mended while a worker runs.
+const BROKEN_FOR: Duration = Duration::from_secs(10);
+
+/// A series, its volume as the renderer needs it, and its jobs with their scenes.
+pub(super) struct LoadedSeries<'a, J> {
+    pub(super) loaded: Arc<BudgetedVolume<'a>>,
+    /// `None` where the renderer has the volume, or will refuse it.
+    pub(super) prepared: Option<PreparedVolume>,
+    pub(super) jobs: Vec<(J, Result<Scene, SeriesError>)>,
+}
+
+/// A series, or the jobs that cannot be done without it.
+pub(super) type Series<'a, J> = Result<LoadedSeries<'a, J>, (Vec<J>, SeriesError)>;
+
+/// What loading needs.
+pub(super) struct Loading<'a, 'r> {
+    pub(super) copies: &'r Copies,
+    pub(super) gate: &'a MemoryBudget,
+    /// Those of the renderer.
+    pub(super) limits: VolumeLimits,
+    pub(super) shared: &'r RunState<'r>,
+}
+
+/// The series that was loaded last, or its error.
+struct Last<'a> {
+    source: SeriesSource,
+    series: Result<Arc<BudgetedVolume<'a>>, SeriesError>,
+    at: Instant,
+}
+
+impl Last<'_> {
+    /// Whether the result holds for another job. A series that cannot be read is not read again for
+    /// each of its views, for a while.
+    fn holds_for(&self, wanted: &SeriesSource) -> bool {
+        let holds = match &self.series {
+            Ok(_) => true,
+            Err(error) => error.kind == FailureKind::Permanent && self.at.elapsed() < BROKEN_FOR,
+        };
+        holds && self.source == *wanted
+    }
+}
+
+/// Loads the series of each group, until the receiver ends. What rendering would do first is done here,
+/// while another series is rendered: scenes are resolved, and the volume is prepared.
+pub(super) fn load_all<'a, J: Borrow<Job>>(
+    groups: impl Iterator<Item = Vec<J>>,
+    loading: &Loading<'a, '_>,
+    loaded: &SyncSender<Series<'a, J>>,
+) {
+    let mut last: Option<Last<'a>> = None;
+    for group in groups {
+        let Some(wanted) = group.first().map(|job| job.borrow().series.clone()) else { continue };
+        if !last.as_ref().is_some_and(|last| last.holds_for(&wanted)) {
+            // The bytes of the last series are released first: the next one may need them.
+            last = None;
+        }
+        let is_new = last.is_none();
+        let Last { series, .. } = last.get_or_insert_with(|| loading.load(wanted));
+        let series = match series {
+            Ok(series) => Ok(loading.prepare(series, group, is_new)),
+            Err(error) => Err((group, error.clone())),
+        };
+        if loaded.send(series).is_err() {
+            return; // the renderer has ended
+        }
+    }
+}
+
+impl<'a> Loading<'a, '_> {
+    fn load(&self, wanted: SeriesSource) -> Last<'a> {
+        let started = Instant::now();
+        let series = wanted.load(self.gate, self.copies).map(Arc::new);
+        // The renderer needs the hash.
+        let _ = series.as_ref().map(|loaded| loaded.volume.content_hash());
+        self.shared.change(|summary| {
+            summary.loaded += usize::from(series.is_ok());
+            summary.seconds.loading += started.elapsed().as_secs_f64();
+        });
+        Last { source: wanted, series, at: Instant::now() }
+    }
+
+    /// Resolves the scenes of jobs, and prepares the volume that the first of them shows if it is new.
+    fn prepare<J: Borrow<Job>>(
+        &self,
+        loaded: &Arc<BudgetedVolume<'a>>,
+        jobs: Vec<J>,
+        is_new: bool,
+    ) -> LoadedSeries<'a, J> {
+        let with_scene = |job: J| {
+            let scene = scene_of(loaded, job.borrow());
+            (job, scene)
+        };
+        let jobs: Vec<_> = jobs.into_iter().map(with_scene).collect();
+        let first = jobs.iter().find_map(|(_, scene)| scene.as_ref().ok()).filter(|_| is_new);
+        let prepared =
+            first.and_then(|scene| PreparedVolume::new(&loaded.volume, &scene.request, &self.limits));
+        LoadedSeries { loaded: Arc::clone(loaded), prepared, jobs }
+    }
+}
+
+/// The scene of a job on its series.
+fn scene_of(loaded: &BudgetedVolume<'_>, job: &Job) -> Result<Scene, SeriesError> {
+    let permanent = |error: SceneError| SeriesError::permanent(&error);
+    let subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
+    let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
+    let scene = file.resolve_for(&subject, &job.orbit).map_err(permanent)?;
+    scene.expect_no_annotations().map_err(permanent)?;
+    if job.products.iter().any(|product| product.is_frame()) {
+        scene.expect_size_of_layout().map_err(permanent)?;
+    }
+    Ok(scene)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::sync_channel;
+
+    use crate::{CopiesOptions, Product, Sink};
+    use relief_volume::Orbit;
+
+    #[test]
+    fn a_series_that_is_broken_for_good_is_not_read_again_for_each_of_its_views() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = |name: &str| {
+            let (path, name) = (folder.path().join(name), name.to_owned());
+            SeriesSource { path, uid: None, name, sha256: "0".repeat(64), labels: None }
+        };
+        let job = |series: &str, view: &str| {
+            let (scene, orbit) = (serde_json::json!({}), Orbit::default());
+            let (view, group) = (view.to_owned(), String::new());
+            vec![Job::new(source(series), view, group, scene, orbit, vec![Product::Color], None)]
+        };
+        // Reading it again would give another error, because the folder exists by then.
+        let mut groups = vec![job("b", "one"), job("a", "two"), job("a", "one")];
+        let path = folder.path().join("a");
+        let groups = std::iter::from_fn(|| {
+            let group = groups.pop()?;
+            if group[0].view == "two" {
+                std::fs::create_dir(&path).unwrap();
+            }
+            Some(group)
+        });
+        let copies = Copies::new(CopiesOptions::default());
+        let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
+        let shared = RunState::new(&sink, &|_| ());
+        let limits = relief_render::Renderer::on_processor().volume_limits();
+        let loading = Loading { copies: &copies, gate: &gate, limits, shared: &shared };
+        let (send, series) = sync_channel(3);
+        load_all(groups, &loading, &send);
+        drop(send);
+        let reasons: Vec<SeriesError> = series.iter().filter_map(|series| Some(series.err()?.1)).collect();
+        assert_eq!(reasons[0], reasons[1]);
+        assert_eq!(reasons.len(), 3);
+        let again = source("a").load(&gate, &copies).unwrap_err();
+        assert!(again.kind == FailureKind::Permanent && again != reasons[0], "{again:?}");
+    }
+}
