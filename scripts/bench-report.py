@@ -1,6 +1,6 @@
 # Prints what scripts/bench-compare has measured, against its bars; exit status 1 when one is missed.
 #
-# usage: bench-report.py FOLDER table|json
+# usage: bench-report.py FOLDER table|json|markdown
 import json
 import pathlib
 import sys
@@ -58,8 +58,25 @@ for (small, before), (large, after) in zip(sizes, sizes[1:]):
 soak = read("soak.json")
 row(f'MiB grown over {soak["frames"]} frames', soak["rss_growth_mib"], 8.0, f'peak {soak["peak_rss_mib"]:.0f} MiB')
 
+
+
+def markdown():
+    """The table of docs/SPEED.md: times of a frame, and their ratios to VTK's CPU mapper."""
+    print("| scene | VTK, CPU mapper | VTK, GPU mapper | Relief, software driver | Relief, processor | driver, processor over VTK's CPU mapper |")
+    print("|---|---|---|---|---|---|")
+    for scene in scenes:
+        cpu, gpu = (read(f"{scene}.vtk-{mapper}.json")["median_s"] * 1e3 for mapper in ("cpu", "gpu"))
+        driver, processor = (read(f"{scene}.{part}.json")["median_ms"] for part in ("bench", "processor"))
+        print(f"| {scene} | {cpu:.0f} ms | {gpu:.0f} ms | {driver:.0f} ms | {processor:.0f} ms | {driver / cpu:.2f}, {processor / cpu:.3f} |")
+    print("\n| measured | value | bar | |\n|---|---|---|---|")
+    for r in rows:
+        print(f'| {r["what"]} | {r["value"]:.3g} | {r["bar"]:g} | {"" if r["met"] else "missed: "}{r["detail"]} |')
+
+
 if form == "json":
     print(json.dumps({"adapter": dense["adapter"], "driver": dense["driver"], "rows": rows}, indent=2, ensure_ascii=False))
+elif form == "markdown":
+    markdown()
 else:
     print(f'{dense["adapter"]} ({dense["driver"]})')
     for r in rows:

@@ -49,8 +49,9 @@ impl<S: Simd> SixteenLanes<S> {
         let reach = WideReach::new(avx512, numbers, at.into(), lowest, highest.saturating_add(3));
         let mut quads = [[Sixteen(f32x16::splat(self.0, 0.0)); 4]; N];
         for (quad, distance) in quads.iter_mut().zip(distances) {
-            let [first, second] = Self::unpacked(reach.pairs(distance).simd_into(self.0));
-            let [third, fourth] = Self::unpacked(reach.pairs(distance + 2).simd_into(self.0));
+            let [low, high] = reach.quads(avx512, distance);
+            let [first, second] = Self::unpacked(low.simd_into(self.0));
+            let [third, fourth] = Self::unpacked(high.simd_into(self.0));
             *quad = [first, second, third, fourth];
         }
         Some(quads)
@@ -59,8 +60,8 @@ impl<S: Simd> SixteenLanes<S> {
     #[inline(always)]
     fn reals_at_once(self, numbers: &[f32], at: i32x16<S>) -> Option<[Sixteen<S>; 2]> {
         let avx512 = self.0.level().as_avx512()?;
-        let reach = WideReach::new(avx512, numbers, at.into(), 0, 1);
-        Some([Sixteen(reach.reals(0).simd_into(self.0)), Sixteen(reach.reals(1).simd_into(self.0))])
+        let [low, high] = WideReach::new(avx512, numbers, at.into(), 0, 1).pairs(avx512, 0);
+        Some([Sixteen(low.simd_into(self.0)), Sixteen(high.simd_into(self.0))])
     }
 
     #[inline(always)]
@@ -74,8 +75,17 @@ impl<S: Simd> SixteenLanes<S> {
         let avx512 = self.0.level().as_avx512()?;
         let reach = WideReach::new(avx512, numbers, at.into(), 0, 4 * N as i32 - 1);
         let mut entries = [[Sixteen(f32x16::splat(self.0, 0.0)); 4]; N];
-        for (i, number) in entries.as_flattened_mut().iter_mut().enumerate() {
-            *number = Sixteen(reach.reals(i as i32).simd_into(self.0));
+        for (i, entry) in entries.iter_mut().enumerate() {
+            let first = 4 * i as i32;
+            let [red, green] = reach.pairs(avx512, first);
+            // Alone, since many callers need the first three.
+            let [blue, last] = [reach.reals(first + 2), reach.reals(first + 3)];
+            *entry = [
+                Sixteen(red.simd_into(self.0)),
+                Sixteen(green.simd_into(self.0)),
+                Sixteen(blue.simd_into(self.0)),
+                Sixteen(last.simd_into(self.0)),
+            ];
         }
         Some(entries)
     }

@@ -1,10 +1,13 @@
 //! Sixteen places at once, by AVX-512.
 //!
-//! Its gather instruction takes a tenth less than sixteen reads and the shuffles that join them.
+//! Its gather instruction takes a tenth less than sixteen reads and the shuffles that join them. Its time
+//! is that of its lanes, so numbers that lie side by side are read together, in lanes of 64 bits.
 
 use std::arch::x86_64::{
-    __m512, __m512i, _mm512_and_si512, _mm512_cmplt_epi32_mask, _mm512_i32gather_epi32, _mm512_i32gather_ps,
-    _mm512_min_epi32, _mm512_set1_epi32, _mm512_slli_epi32, _mm512_srlv_epi32, _mm512_sub_epi32,
+    __m256i, __m512, __m512i, _mm512_and_si512, _mm512_castsi512_ps, _mm512_castsi512_si256,
+    _mm512_cmplt_epi32_mask, _mm512_extracti64x4_epi64, _mm512_i32gather_epi32, _mm512_i32gather_epi64,
+    _mm512_i32gather_ps, _mm512_min_epi32, _mm512_permutex2var_epi32, _mm512_set1_epi32, _mm512_setr_epi32,
+    _mm512_slli_epi32, _mm512_srlv_epi32, _mm512_sub_epi32,
 };
 
 use fearless_simd::Avx512;
@@ -73,9 +76,40 @@ impl WideReach<'_, i16> {
         // processor has the instruction.
         unsafe { _mm512_i32gather_epi32::<2>(self.at, address.cast()) }
     }
+
+    /// The four numbers at a distance, as two pairs.
+    #[inline(always)]
+    pub(crate) fn quads(&self, avx512: Avx512, distance: i32) -> [__m512i; 2] {
+        let address = self.address(distance, 4);
+        let [low, high] = halves(avx512, self.at);
+        // SAFETY: as of `pairs`.
+        let rows = unsafe {
+            [
+                _mm512_i32gather_epi64::<2>(low, address.cast()),
+                _mm512_i32gather_epi64::<2>(high, address.cast()),
+            ]
+        };
+        columns(avx512, rows)
+    }
 }
 
 impl WideReach<'_, f32> {
+    /// The two numbers at a distance.
+    #[inline(always)]
+    pub(crate) fn pairs(&self, avx512: Avx512, distance: i32) -> [__m512; 2] {
+        let address = self.address(distance, 2);
+        let [low, high] = halves(avx512, self.at);
+        // SAFETY: as of `pairs` of 16 bits.
+        let rows = unsafe {
+            [
+                _mm512_i32gather_epi64::<4>(low, address.cast()),
+                _mm512_i32gather_epi64::<4>(high, address.cast()),
+            ]
+        };
+        let [first, second] = columns(avx512, rows);
+        [as_reals(avx512, first), as_reals(avx512, second)]
+    }
+
     /// The numbers at a distance.
     #[inline(always)]
     pub(crate) fn reals(&self, distance: i32) -> __m512 {
@@ -108,5 +142,31 @@ fearless_simd::kernel!(
     fn bytes_of(avx512: Avx512, words: __m512i, start: __m512i, at: __m512i) -> __m512i {
         let bits = _mm512_slli_epi32::<3>(_mm512_sub_epi32(at, start));
         _mm512_and_si512(_mm512_srlv_epi32(words, bits), _mm512_set1_epi32(0xff))
+    }
+);
+
+fearless_simd::kernel!(
+    /// The first eight lanes, and the others.
+    #[inline(always)]
+    fn halves(avx512: Avx512, lanes: __m512i) -> [__m256i; 2] {
+        [_mm512_castsi512_si256(lanes), _mm512_extracti64x4_epi64::<1>(lanes)]
+    }
+);
+
+fearless_simd::kernel!(
+    /// The first and the second 32 bits of sixteen lanes of 64 bits.
+    #[inline(always)]
+    fn columns(avx512: Avx512, rows: [__m512i; 2]) -> [__m512i; 2] {
+        let first = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        let second = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+        let [low, high] = rows;
+        [_mm512_permutex2var_epi32(low, first, high), _mm512_permutex2var_epi32(low, second, high)]
+    }
+);
+
+fearless_simd::kernel!(
+    #[inline(always)]
+    fn as_reals(avx512: Avx512, bits: __m512i) -> __m512 {
+        _mm512_castsi512_ps(bits)
     }
 );
