@@ -238,9 +238,11 @@ def files(page, server):
     """Out as mrk.json, deleted, and in again."""
     page.key("v")
     path = FOLDER / "out.mrk.json"
+    downloads = []
+    page.page.on("download", downloads.append)
 
     def export():
-        page.page.click("#export-button")
+        page.page.dblclick("#export-button")  # opens one dialog, and saves one file
         page.wait("document.getElementById('dialog').open")  # until then it has the last export's form, which is checked already
         page.page.check('#dialog input[value="mrk.json"]')
         with page.page.expect_download() as download:
@@ -249,6 +251,7 @@ def files(page, server):
         return download.value.suggested_filename
 
     found = {"name": export(), "file": json.loads(path.read_text(encoding="utf-8"))}
+    found["dialogs"] = [page.page.evaluate("document.getElementById('dialog').open"), len(downloads)]
     before = {entry["item"]["name"]: entry["item"]["geometry"] for entry in server.annotations()["items"]}
     for name in ["Point 1", "Point 2"]:
         page.page.click(f'.item[data-name="{name}"] .item-main')

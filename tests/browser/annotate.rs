@@ -152,6 +152,7 @@ fn markups_go_out_and_come_back_and_bad_ones_change_nothing() {
     let Some(seen) = seen("files on the page") else { return };
     let files = &seen["files"];
     assert!(files["name"].as_str().unwrap().ends_with(".mrk.json"), "{files}");
+    assert_eq!(files["dialogs"], json!([false, 1]), "a second click opens no second dialog");
     assert!(!files["file"]["markups"].as_array().unwrap().is_empty());
     let points = files["points"].as_array().unwrap();
     assert_eq!(points.len(), 2, "{files}");

@@ -7,12 +7,22 @@ import { colorOf } from "./model.js";
 
 const dialog = () => document.getElementById("dialog");
 
+// Settles when the last dialog has closed.
+let closed = Promise.resolve();
+
 /**
- * Opens a dialog and returns the value of the button that closed it and the fields of the form; null after Escape.
+ * Opens a dialog and returns the value of the button that closed it and the fields of the form; null after Escape. A dialog
+ * that is open, such as one about another conflict, closes first.
  *
  * Only the primary button submits the form.
  */
-function ask(title, content, buttons, wide = false) {
+function ask(...content) {
+  const answer = closed.then(() => shown(...content));
+  closed = answer.then(() => {}, () => {});
+  return answer;
+}
+
+function shown(title, content, buttons, wide = false) {
   const box = dialog();
   box.classList.toggle("wide", wide);
   const row = buttons.map(([value, words, primary]) => (primary
@@ -27,7 +37,7 @@ function ask(title, content, buttons, wide = false) {
   });
   box.replaceChildren(form);
   box.returnValue = "";
-  if (!box.open) box.showModal();
+  box.showModal();
   if (!form.querySelector("input, select, textarea")) form.querySelector(".primary")?.focus();
   // The focused button may be at the end: scroll to the beginning.
   box.scrollTop = 0;

@@ -198,7 +198,15 @@ const page = {
 };
 onKeys(page);
 
+let isExporting = false;
+
 async function exportAs() {
+  if (isExporting) return; // a second click, before the dialog is there
+  isExporting = true;
+  await exportChoice().finally(() => { isExporting = false; });
+}
+
+async function exportChoice() {
   const sets = [...new Set([...model.items.values()].map(({ item }) => item.set))].sort();
   const archives = await archivesForResults().catch(fail);
   const choice = archives && (await askExport(sets, model.set, archives));
