@@ -39,7 +39,8 @@ for scene in scenes:
         for name, vtk, bar in zip(("CPU", "GPU"), (cpu, gpu), bars):
             row(f"{scene}, {who}: time over VTK's {name} mapper", own["median_ms"] / (vtk["median_s"] * 1e3), bar,
                 f"{times(own)} to {vtk_times(vtk)}")
-    one, two = read(f"{scene}.one-thread.json"), read(f"{scene}.two-threads.json")
+    one, two = (min((json.loads(turn.read_text()) for turn in folder.glob(f"{scene}.{threads}.*.json")), key=lambda bench: bench["min_ms"])
+                for threads in ("one-thread", "two-threads"))
     row(f"{scene}, processor: speed of two threads over one", one["min_ms"] / two["min_ms"], 1.9,
         f"{times(one)} to {times(two)}", above=True)
     reached = error["error"] <= error["vtk_error"]
@@ -80,5 +81,5 @@ elif form == "markdown":
 else:
     print(f'{dense["adapter"]} ({dense["driver"]})')
     for r in rows:
-        print(f'{"ok" if r["met"] else "MISSED":<7} {r["what"]:<52} {r["value"]:>9.3f}  bar {r["bar"]:<5}  {r["detail"]}')
+        print(f'{"ok" if r["met"] else "MISSED":<7} {r["what"]:<60} {r["value"]:>9.3f}  bar {r["bar"]:<5}  {r["detail"]}')
 sys.exit(0 if all(r["met"] for r in rows) else 1)
