@@ -40,7 +40,7 @@ pub enum Change {
     },
     /// An item goes.
     Delete {
-        /// Which.
+        /// The item.
         id: ItemId,
         /// The version that the author saw.
         version: u64,
@@ -80,15 +80,15 @@ pub struct Event {
     /// Of an undo or redo: the edit that it takes back or makes again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<u64>,
-    /// Which item.
+    /// The item.
     pub id: ItemId,
     /// The item's version after it.
     pub version: u64,
-    /// Who.
+    /// The author.
     pub author: Author,
     /// Why; may be empty.
     pub reason: String,
-    /// When, by the clock of the machine that keeps the log.
+    /// The time, by the clock of the machine that keeps the log.
     pub time: Timestamp,
     /// The item after it; `None` where it went.
     pub item: Option<Item>,

@@ -12,7 +12,7 @@ use relief_base::{Patient, Point};
 pub enum Geometry {
     /// A landmark.
     Point {
-        /// Where.
+        /// The position.
         #[serde(with = "patient_mm")]
         at_mm: Point<Patient>,
     },
@@ -64,9 +64,9 @@ pub enum Geometry {
 pub struct RegionSummary {
     /// The file's content.
     pub content: ContentId,
-    /// The segment of it that the region is.
+    /// The index of the segment that is the region.
     pub label: u16,
-    /// How many voxels it has.
+    /// The number of its voxels.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,

@@ -38,7 +38,7 @@ pub struct Item {
     /// Whether it has been placed.
     #[serde(default)]
     pub state: State,
-    /// Where it is: there where the state is [`State::Defined`], and only then.
+    /// Its geometry: there where the state is [`State::Defined`], and only then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
     /// A locked item changes in nothing but its lock.
@@ -52,7 +52,7 @@ pub struct Item {
     pub frame_of_reference: Option<FrameOfReference>,
     /// The author.
     pub author: String,
-    /// When.
+    /// The time of creation.
     pub created: Timestamp,
     /// How it came to its place, last.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -13,7 +13,7 @@ use super::item::{Item, ItemId, State};
 use super::placement::Placement;
 use relief_base::{Patient, Point, Vector};
 
-/// Where one hand is in its work: the next label, and the point that it holds.
+/// The state of one hand: the next label, and the point that it holds.
 #[derive(Clone, Debug, Default)]
 pub struct LandmarkTask {
     /// The next item; `None` is the first missing one.

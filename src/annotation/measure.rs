@@ -14,7 +14,7 @@ const PARTS: usize = 32;
 pub struct Measure {
     /// The quantity: `length`, `angle`, `area` or `volume`.
     pub name: &'static str,
-    /// How much.
+    /// The value.
     pub value: f64,
     /// UCUM: `mm`, `deg`, `mm2` or `mL`.
     pub unit: &'static str,

@@ -45,10 +45,10 @@ pub enum Method {
 pub struct Device {
     /// Kind of the device: `wiimote`, `mouse`, `touch`, ...
     pub kind: String,
-    /// Where a tracked one was: `beacon_from_sensor`, mm.
+    /// The position of a tracked device: `beacon_from_sensor`, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position_mm: Option<[f64; 3]>,
-    /// How it was turned: a unit quaternion.
+    /// Its orientation: a unit quaternion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation_xyzw: Option<[f64; 4]>,
 }

@@ -32,7 +32,7 @@ pub enum ShownSetsError {
     /// No set, or too many.
     #[error("{found} sets, allowed: 1 to {}", ShownSets::MOST)]
     Count {
-        /// How many are named.
+        /// The number of named sets.
         found: usize,
     },
 }

@@ -66,12 +66,12 @@ pub enum ExpectedKind {
     Mesh,
 }
 
-/// How far a set is with a template.
+/// The progress of a set with a template.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Completeness {
     /// The template's name.
     pub template: String,
-    /// How many of its items have a place.
+    /// The number of its items with a place.
     pub defined: usize,
     /// The number of items without a place: [`State::Missing`], or not in the set.
     pub missing: usize,
@@ -87,7 +87,7 @@ pub enum TemplateError {
     /// The text is longer than any template.
     #[error("a template of {bytes} bytes, allowed: up to {}", Template::MOST_BYTES)]
     Long {
-        /// How long it is.
+        /// Its length.
         bytes: usize,
     },
     /// It is no JSON, or has keys or kinds of values that a template does not have.

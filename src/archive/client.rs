@@ -11,9 +11,9 @@ use crate::access::ArchiveAccess;
 use crate::address::ArchiveAddress;
 use crate::error::ArchiveError;
 
-/// How long a connection may take to be made.
+/// The longest time until a connection is made.
 const CONNECT: Duration = Duration::from_secs(10);
-/// How long an archive may pause within an answer.
+/// The longest pause of an archive within an answer.
 const PAUSE: Duration = Duration::from_secs(60);
 /// Tries of a request; the pauses between them double.
 const TRIES: u32 = 5;

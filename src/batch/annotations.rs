@@ -19,7 +19,7 @@ use relief_session::{Drawables, SurfaceMesh};
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeptAnnotations {
-    /// Where it is.
+    /// Its place.
     pub path: PathBuf,
     /// SHA-256 of its bytes.
     pub sha256: String,

@@ -296,7 +296,7 @@ pub enum SkipReason {
     /// A table names one series, and the path has several.
     #[error("{count} series found; choose one with series_uid")]
     SeveralSeries {
-        /// How many.
+        /// Their number.
         count: usize,
     },
     /// Another path has the same files.

@@ -71,7 +71,7 @@ fn written(record: &CameraRecord) -> Option<CameraFile> {
     camera.resolve().is_ok().then_some(camera)
 }
 
-/// Where a landmark is, and from which side it is looked at.
+/// The place of a landmark, and the side that it is seen from.
 fn normal(item: &Item, volume: &Volume) -> Option<(Point<Patient>, Vector<Patient>)> {
     let seen_from = |at: Point<Patient>| {
         let camera = item.placement.as_ref()?.camera.as_ref()?;

@@ -28,7 +28,7 @@ pub(super) struct LoadedSeries<'a, J> {
 /// A series, or the jobs that cannot be done without it.
 pub(super) type Series<'a, J> = Result<LoadedSeries<'a, J>, (Vec<J>, SeriesError)>;
 
-/// What loading needs.
+/// The inputs of loading.
 pub(super) struct Loading<'a, 'r> {
     pub(super) copies: &'r Copies,
     pub(super) gate: &'a MemoryBudget,

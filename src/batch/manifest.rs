@@ -50,7 +50,7 @@ pub struct JobKey(pub String);
 pub struct Shard {
     /// From 0.
     pub index: u32,
-    /// How many there are.
+    /// Their number.
     pub count: u32,
 }
 

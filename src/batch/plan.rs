@@ -25,7 +25,7 @@ use relief_render::{FramingRule, SceneFile, TableRule};
 use relief_volume::Orbit;
 use relief_volume::Volume;
 
-/// Where to look for series.
+/// A place to search for series.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Root {
     /// A folder, or a prefix of a bucket: every folder, zip and volume file in it.
@@ -43,7 +43,7 @@ pub struct Request {
     /// The label map of each, where the table names none: `{}` stands for the series' path, of a
     /// file without its ending.
     pub labels: Option<String>,
-    /// Which of them are wanted.
+    /// The conditions on wanted series.
     pub query: Query,
     /// The log whose annotations are looked at or drawn.
     pub annotations: Option<AnnotationLog>,
@@ -64,9 +64,9 @@ pub struct Request {
 pub struct Plan {
     /// All views of a series side by side; series in the order of their paths.
     pub jobs: Vec<Job>,
-    /// How many series.
+    /// The number of series.
     pub series: usize,
-    /// How many series the query does not want.
+    /// The number of series that the query leaves out.
     pub unwanted: usize,
     /// The unusable files: path and reason.
     pub skipped: Skipped,

@@ -26,7 +26,7 @@ use relief_render::{GpuError, Overlays, PictureWarning, RenderError, Renderer, S
 /// The jobs to run, and how to run them.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where outputs go.
+    /// The destination of outputs.
     pub out: Sink,
     /// A share of the jobs.
     pub shard: Option<Shard>,

@@ -16,7 +16,7 @@ use crate::output_file::OutputFile;
 use relief_base::sha256_of_file;
 use relief_base::{read_at_most, write_whole};
 
-/// Where outputs go.
+/// The destination of outputs.
 #[derive(Clone, Debug)]
 pub enum Sink {
     /// A folder, which is made when the first output comes.

@@ -35,7 +35,7 @@ pub(super) struct CopiesArguments {
 }
 
 impl BucketArguments {
-    /// Where outputs go, by its name.
+    /// The destination of outputs, by its name.
     pub(super) fn open(&self, name: &Location) -> anyhow::Result<Sink> {
         match name {
             Location::Local(folder) => Ok(Sink::Folder(folder.clone())),

@@ -1,6 +1,6 @@
 //! `--isolation` of servers and batches: whether files from outside are read in a child process.
 
-/// Where uploads and series from buckets are read.
+/// The process that reads uploads and series from buckets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Isolation {
     /// In a child process without rights

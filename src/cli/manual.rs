@@ -23,7 +23,7 @@ pub(super) struct ManualArguments {
     out: PathBuf,
 }
 
-/// Where each shell looks for completions of `relief`, below /usr/share.
+/// The folder of completions of `relief` for each shell, below /usr/share.
 const COMPLETIONS: [(Shell, &str); 3] = [
     (Shell::Bash, "bash-completion/completions/relief"),
     (Shell::Fish, "fish/vendor_completions.d/relief.fish"),

@@ -108,7 +108,7 @@ fn list() {
     }
 }
 
-/// Which values show.
+/// The values that show.
 fn extent(preset: &Preset) -> String {
     match preset.visible_hu() {
         (low, Some(high)) => format!("{low} to {high} HU"),

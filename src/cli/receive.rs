@@ -62,7 +62,7 @@ pub(super) struct ReceiveArguments {
     json: bool,
 }
 
-/// How often it is checked whether a series is complete.
+/// The time between two checks whether a series is complete.
 const CHECK: Duration = Duration::from_millis(200);
 
 impl ReceiveArguments {

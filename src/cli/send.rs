@@ -76,7 +76,7 @@ pub(super) struct SendArguments {
     json: bool,
 }
 
-/// Where objects go.
+/// The destination of objects.
 #[derive(Clone, Debug)]
 enum Destination {
     /// By DICOMweb.

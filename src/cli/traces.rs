@@ -21,7 +21,7 @@ use tracing_subscriber::registry::LookupSpan;
 
 use relief_server::TraceHeaders;
 
-/// How long a batch may take, and the last one at the end of the program.
+/// The longest time of a batch, and of the last one at the end of the program.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The way to a collector. Dropping it sends the remaining spans.

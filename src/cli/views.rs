@@ -15,7 +15,7 @@ use relief_render::{Mode, Refinement, RenderRequest, RenderedFrame, Renderer, Sc
 use relief_session::{eye_cameras, true_views};
 use relief_volume::{Camera, Volume};
 
-/// Which views are written.
+/// The views that are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum ViewChoice {
     /// Made of one picture and its disparity, as a 2D-plus-depth display makes them

@@ -18,7 +18,7 @@ pub enum ClientError {
         "cannot reach {server}: {source}; is `relief serve` running there, and may this machine connect to it?"
     )]
     Unreachable {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// Why.
         source: ConnectError,
@@ -26,7 +26,7 @@ pub enum ClientError {
     /// The server's certificate is not trusted, or the connection cannot be encrypted.
     #[error("the connection to {server} cannot be encrypted: {source}; name its authority by --ca FILE.pem")]
     Insecure {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// Why.
         source: EncryptionError,
@@ -34,7 +34,7 @@ pub enum ClientError {
     /// Something answers that is no Relief server, or an older one.
     #[error("{server} does not answer as a Relief server with live sessions: {source}")]
     NotRelief {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// The unexpected answer.
         source: AnswerError,
@@ -44,13 +44,13 @@ pub enum ClientError {
         "{server} refused the session: it asks who you are: give a token of `relief token add` by --token or RELIEF_TOKEN"
     )]
     Unauthorized {
-        /// Where.
+        /// The server.
         server: ServerAddress,
     },
     /// The server understood the request and refused it.
     #[error("{server} refused the session: {reason}")]
     Refused {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// Its words.
         reason: ServerText,
@@ -62,7 +62,7 @@ pub enum ClientError {
     /// The volume of the session was removed from the server.
     #[error("the session at {server} has ended: the volume was removed{}", reason.after_colon())]
     Removed {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// Its words; may be empty.
         reason: ServerText,
@@ -70,13 +70,13 @@ pub enum ClientError {
     /// Another connection continues the session; connecting again would take it back.
     #[error("the session at {server} has ended: another connection has resumed this session")]
     Resumed {
-        /// Where.
+        /// The server.
         server: ServerAddress,
     },
     /// The connection ended.
     #[error("the connection to {server} was lost: {source}")]
     Lost {
-        /// Where.
+        /// The server.
         server: ServerAddress,
         /// How.
         source: LossError,

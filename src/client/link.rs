@@ -36,15 +36,15 @@ const SILENT: Duration = Duration::from_secs(4);
 const SILENCE: Duration = Duration::from_secs(25);
 /// A connection that lived for so long was a good one.
 const GOOD: Duration = Duration::from_secs(2);
-/// How long a goodbye may take.
+/// The longest time of a goodbye.
 const GOODBYE: Duration = Duration::from_millis(500);
 /// Number of invalid messages after which the connection is closed.
 const MAX_UNREADABLE: u32 = 20;
 
-/// Which session.
+/// The session.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where.
+    /// The server.
     pub server: ServerAddress,
     /// Certificates: the own ones for the server, and those accepted from it.
     pub access: Access,
@@ -76,7 +76,7 @@ pub enum LinkState {
     Connecting,
     /// There.
     Connected {
-        /// Which one, from 1: frames are renumbered by each.
+        /// The number of the connection, from 1: each numbers its frames anew.
         connection: u64,
         /// Whether the server went on with a session that was interrupted.
         resumed: bool,

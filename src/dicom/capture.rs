@@ -57,7 +57,7 @@ impl CaptureOptions {
         Self { description: Self::DESCRIPTION.to_owned(), number: 1, frame_ms: 0.0 }
     }
 
-    /// The usual description.
+    /// The default description.
     pub const DESCRIPTION: &str = "Relief 3D views";
 }
 

@@ -39,7 +39,7 @@ const MOST_FRAGMENTS: usize = 1 << 20;
 /// A fragment: where its bytes lie in the file.
 type Fragment = Range<u64>;
 
-/// Which fragments make up each frame.
+/// The fragments of each frame.
 #[derive(Debug)]
 pub(super) struct Frames(Vec<Vec<Fragment>>);
 

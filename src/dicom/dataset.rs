@@ -49,7 +49,7 @@ enum Value {
     Items(Vec<DataSet>),
 }
 
-/// Where Pixel Data lies in the source.
+/// The place of Pixel Data in the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PixelElement {
     /// Position of the first byte of the value.

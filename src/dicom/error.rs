@@ -39,7 +39,7 @@ pub enum Error {
     NoSeries {
         /// The path as given.
         path: PathBuf,
-        /// How many files were looked at.
+        /// The number of files that were examined.
         files: usize,
         /// Why the first of them were not taken, one line each.
         reasons: Reasons,
@@ -47,7 +47,7 @@ pub enum Error {
     /// There are several series, and none was chosen.
     #[error("{count} series found, expected one or the UID of one:{listing}")]
     SeveralSeries {
-        /// How many.
+        /// Their number.
         count: usize,
         /// One line for each.
         listing: Reasons,
@@ -63,7 +63,7 @@ pub enum Error {
     /// Strict reading met files that are defective.
     #[error("{count} file(s) cannot be used, and reading is strict:{reasons}")]
     Strict {
-        /// How many.
+        /// Their number.
         count: usize,
         /// The faults of the first of them, one line each.
         reasons: Reasons,
@@ -71,7 +71,7 @@ pub enum Error {
     /// No slice of the series could be decoded.
     #[error("none of the {slices} slices can be decoded:{reasons}")]
     NothingDecoded {
-        /// How many slices were tried.
+        /// The number of slices that were tried.
         slices: usize,
         /// The faults of the first of them, one line each.
         reasons: Reasons,
@@ -205,7 +205,7 @@ impl Reasons {
     }
 }
 
-/// How many lines of [`Reasons`] a message shows.
+/// Most lines of [`Reasons`] in a message.
 const SHOWN: usize = 8;
 
 impl fmt::Display for Reasons {
@@ -293,7 +293,7 @@ pub enum Defect {
     Cut {
         /// The element or structure that was being read.
         what: &'static str,
-        /// Where, in bytes from the start.
+        /// The place, in bytes from the start.
         position: u64,
         /// Bytes left.
         found: u64,
@@ -344,7 +344,7 @@ pub enum Defect {
     /// An attribute is missing or has an unusable value.
     #[error("{attribute}: found {found}, expected {expected}")]
     Attribute {
-        /// Which.
+        /// The attribute.
         attribute: Attribute,
         /// The value.
         found: String,
@@ -419,7 +419,7 @@ pub enum Defect {
     /// The decoder gave up.
     #[error("the {codec} image cannot be decoded: {source}")]
     Codec {
-        /// Which decoder.
+        /// The decoder.
         codec: &'static str,
         /// Its error.
         source: DecodeError,

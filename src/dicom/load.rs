@@ -69,7 +69,7 @@ impl Loaded {
     }
 }
 
-/// How much memory a volume may take.
+/// The limits of a volume's memory.
 ///
 /// The sizes of compressed slices are what their headers claim: a file of a few megabytes may well
 /// claim, and even hold, gigabytes. So the limit is checked before anything is allocated.

@@ -133,7 +133,7 @@ pub(super) fn open(bytes: Bytes, budget: &Budget) -> Result<Object, Defect> {
     Ok(Object { bytes: Bytes::Memory(inflated), start: 0, syntax, _turn: turn })
 }
 
-/// Where file meta information or the bare data set begins.
+/// The start of the file meta information or of the bare data set.
 fn find_start(reader: &mut Reader) -> Result<u64, Defect> {
     let mut head = Vec::new();
     reader.by_ref().take(132).read_to_end(&mut head)?;

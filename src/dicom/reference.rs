@@ -71,7 +71,7 @@ pub(super) struct Instance {
     pub(super) planes: Vec<Plane>,
 }
 
-/// Where a frame's pixels lie.
+/// The place of a frame's pixels.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Plane {
     /// The frame's number in its object, from 1.
@@ -191,7 +191,7 @@ impl SeriesReference {
         self.frame_of_reference_uid.as_deref()
     }
 
-    /// How many image objects it has.
+    /// The number of its image objects.
     #[must_use]
     pub fn instance_count(&self) -> usize {
         self.instances.len()

@@ -26,7 +26,7 @@ use relief_volume::{LabelMap, Segment};
 /// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice
 /// of 1000.
 const RIGHT_ANGLE: f64 = 1e-6;
-/// How far a frame may be off a slice of the series to be made of it, mm.
+/// The largest distance of a frame from the slice that it is matched with, mm.
 const SAME_PLANE_MM: f64 = 1e-3;
 /// Most bytes of pixels: an element's length has 32 bits.
 const MOST_PIXEL_BYTES: u64 = u32::MAX as u64 - 1;

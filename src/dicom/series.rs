@@ -17,7 +17,7 @@ use relief_base::Budget;
 
 /// How far unit vectors of one series may differ: they are written with at least four digits.
 const DIRECTION_TOLERANCE: f64 = 1e-3;
-/// How far pixel spacings of one series may differ, as a fraction.
+/// The largest difference of pixel spacings in one series, as a fraction.
 const SPACING_TOLERANCE: f64 = 1e-3;
 
 /// A CT series that can be loaded: its slices and their headers. `Debug` shows no UIDs.

@@ -1,4 +1,4 @@
-//! Where files come from: a folder, a file, a DICOMDIR, a zip.
+//! Sources of files: a folder, a file, a DICOMDIR, a zip.
 //!
 //! A [`FileSource`] is one file that may be DICOM. It is reopened for each use, so that parallel
 //! reads share nothing; entries of a zip are unpacked in memory, each up to [`LARGEST_ENTRY`]. This

@@ -21,7 +21,7 @@ use relief_base::{Patient, Point};
 const MOST_BYTES: usize = 1 << 29;
 /// Contours nest three deep; a long one has a hundred thousand numbers of up to 16 characters.
 const BOUNDS: Bounds = Bounds { deepest: 8, longest_value: 1 << 24, kept_bytes: 512 << 20 };
-/// How far contours of one level may be apart, mm.
+/// The largest distance between contours of one level, mm.
 const SAME_LEVEL_MM: f64 = 1e-3;
 
 /// The content of a file.

@@ -119,7 +119,7 @@ pub enum HeaderProblem {
     /// The bytes and their checksum disagree.
     #[error("the CRC-32 of {part} is {found:#010X}, expected {expected:#010X}")]
     Crc {
-        /// Which checksum.
+        /// The part that the checksum covers.
         part: HeaderPart,
         /// The checksum in the header.
         found: u32,

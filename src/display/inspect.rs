@@ -77,7 +77,7 @@ pub struct Select {
 /// Views that a file says it has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ViewsReport {
-    /// How many.
+    /// Their number.
     pub count: u32,
     /// Beside each other; 1 where all of them are in one place.
     pub columns: u32,

@@ -27,9 +27,9 @@ pub enum FrameProblem {
         first[0], first[1]
     )]
     OddLinesNotBlack {
-        /// How many lines.
+        /// The number of lines.
         lines: usize,
-        /// How many pixels.
+        /// The number of pixels.
         pixels: usize,
         /// The first one, (x, y) from the top left.
         first: [u32; 2],
@@ -40,7 +40,7 @@ pub enum FrameProblem {
         first[0], first[1], rgb[0], rgb[1], rgb[2]
     )]
     DepthNotGrey {
-        /// How many pixels.
+        /// The number of pixels.
         pixels: usize,
         /// The first one, (x, y) from the top left.
         first: [u32; 2],
@@ -58,7 +58,7 @@ pub enum FrameProblem {
     /// Pixels that are not opaque.
     #[error("pixels that are not opaque: {pixels}; viewers show different backgrounds behind them")]
     Transparent {
-        /// How many pixels.
+        /// The number of pixels.
         pixels: usize,
     },
     /// Views that are present and cannot be decoded.

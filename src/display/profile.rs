@@ -82,7 +82,7 @@ pub enum ProfileError {
     /// A frame or sub-image without pixels, or too large.
     #[error("{what} is {}x{}; allowed: 1 to 16384 pixels each way", size_px[0], size_px[1])]
     Size {
-        /// Which size.
+        /// The name of the size.
         what: &'static str,
         /// The value.
         size_px: [u32; 2],

@@ -1,4 +1,4 @@
-//! Which point of the patient lies on the plane of the screen.
+//! The patient's point that lies on the plane of the screen.
 //!
 //! A display of several views is sharpest on the plane of the screen. Spaces: patient LPS in mm;
 //! view depth in mm.

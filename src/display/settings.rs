@@ -28,7 +28,7 @@ pub struct DisplaySettings {
     /// The display; `null` is the usual one of the layout: `dimenco-4k` for `wowvx-4k`, else
     /// `philips-42`.
     pub profile: Option<ProfileSetting>,
-    /// Where picture and depth go in the frame.
+    /// The layout of picture and depth in the frame.
     pub layout: Layout,
     /// Kind of content, for the header.
     pub content: ContentType,

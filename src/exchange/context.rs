@@ -60,7 +60,7 @@ pub struct Imported {
 pub struct ExportedFile {
     /// Its bytes.
     pub bytes: Vec<u8>,
-    /// How many items it has.
+    /// The number of its items.
     pub items: usize,
     /// The values that it cannot represent.
     pub left_out: Vec<LeftOut>,

@@ -36,7 +36,7 @@ pub enum ExchangeError {
         format: Format,
         /// The things that are too many or too large.
         what: &'static str,
-        /// How much there is, as far as it was counted.
+        /// The number or size, as far as it was counted.
         found: u64,
         /// The limit.
         allowed: u64,

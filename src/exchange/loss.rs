@@ -7,7 +7,7 @@ use relief_annotation::{Geometry, Item, ItemId, State};
 /// Something that is not in a written file.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LeftOut {
-    /// What: whole items, or something of them.
+    /// The thing that is missing: whole items, or something of them.
     pub what: String,
     /// The reason, or the value that was written instead.
     pub reason: String,
@@ -102,7 +102,7 @@ fn plural(kind: &str) -> String {
     if kind == "mesh" { "meshes".to_owned() } else { format!("{kind}s") }
 }
 
-/// Where items of a kind go instead.
+/// The formats that hold items of a kind, as the end of a sentence.
 fn advice(kind: &str) -> &'static str {
     match kind {
         "region" => "seg.nrrd, nii.gz and seg have",

@@ -145,7 +145,7 @@ fn depth_in_grey(depths: &[f32]) -> Vec<[u8; 4]> {
     depths.iter().map(pixel).collect()
 }
 
-/// Where two pictures differ; `None` when they are of different size.
+/// A picture of the differences of two pictures; `None` when they are of different size.
 fn magnified_difference(expected: &Raster, actual: &Raster) -> Option<Vec<[u8; 4]>> {
     if expected.size_px != actual.size_px {
         return None;

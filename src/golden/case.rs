@@ -82,7 +82,7 @@ impl Case {
         &self.id
     }
 
-    /// Where its files are.
+    /// The folder of its files.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder

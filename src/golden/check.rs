@@ -34,7 +34,7 @@ pub struct Harness {
 /// A golden to be written.
 #[derive(Clone, Debug)]
 pub struct Blessing {
-    /// Where it goes.
+    /// Its destination.
     pub path: PathBuf,
     /// How it differs from the existing golden.
     pub change: Change,

@@ -1,4 +1,4 @@
-//! How far two pictures are apart, and whether that is within a tolerance.
+//! The difference of two pictures, and its comparison with a tolerance.
 //!
 //! Colour is measured in steps of 1/255 per channel, coverage being the fourth; depth in mm of view
 //! depth. Pixels that are hit in one picture and missed in the other are counted apart from
@@ -62,7 +62,7 @@ impl Comparison {
     }
 }
 
-/// How far two pictures are apart.
+/// The difference of two pictures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Difference {
@@ -79,7 +79,7 @@ pub enum Difference {
     Depth(DepthDifference),
 }
 
-/// How far two pictures in colour are apart.
+/// The difference of two pictures in colour.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ColorDifference {
     /// Pixels compared.
@@ -96,7 +96,7 @@ pub struct ColorDifference {
     pub worst_at: [usize; 2],
 }
 
-/// How far two depths are apart.
+/// The difference of two depths.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DepthDifference {
     /// Pixels compared.
@@ -145,7 +145,7 @@ pub enum Mismatch {
         steps: u8,
         /// The largest difference.
         max_steps: u8,
-        /// Where that is.
+        /// The pixel of that difference.
         at: [usize; 2],
     },
     /// Too many colours differ, if only a little.
@@ -177,7 +177,7 @@ pub enum Mismatch {
         depth_mm: f64,
         /// The largest difference.
         max_mm: f64,
-        /// Where that is.
+        /// The pixel of that difference.
         at: [usize; 2],
     },
     /// Silhouettes that differ.

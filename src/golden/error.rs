@@ -96,7 +96,7 @@ pub enum GoldenError {
     /// The series of a case.
     #[error("the series at {}: {source}", path.display())]
     Series {
-        /// Where it should be.
+        /// Its expected place.
         path: PathBuf,
         /// Why it cannot be loaded.
         source: Box<relief_dicom::Error>,
@@ -104,7 +104,7 @@ pub enum GoldenError {
     /// The volume file of a case.
     #[error("the series at {}: {source}", path.display())]
     VolumeFile {
-        /// Where it should be.
+        /// Its expected place.
         path: PathBuf,
         /// Why it cannot be read.
         source: relief_dicom::FormatError,

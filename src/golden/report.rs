@@ -28,7 +28,7 @@ pub struct CaseReport {
     pub verdict: Verdict,
     /// The purpose of the case; empty when the case cannot be read.
     pub purpose: String,
-    /// How far its pictures may be apart; `None` when it cannot be read.
+    /// The tolerance of its pictures; `None` when it cannot be read.
     pub tolerance: Option<Tolerance>,
     /// The compared pictures.
     pub aspects: Vec<AspectReport>,
@@ -41,7 +41,7 @@ pub struct CaseReport {
 /// The result of one picture of a case.
 #[derive(Clone, Debug, Serialize)]
 pub struct AspectReport {
-    /// Which picture.
+    /// The picture.
     pub aspect: Aspect,
     /// The measured difference; `None` when the golden is missing or cannot be read.
     pub comparison: Option<Comparison>,

@@ -18,9 +18,9 @@ pub enum Source {
     Phantom(PhantomRecipe),
     /// A CT series (folder, file or zip), or a volume file.
     Series {
-        /// Where it is.
+        /// Its place.
         path: PathBuf,
-        /// Which series, where there are several.
+        /// The series, where the place has several.
         uid: Option<String>,
     },
 }

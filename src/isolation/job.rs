@@ -33,7 +33,7 @@ pub(crate) enum Job {
     Probe(Probe),
 }
 
-/// Which series a child reads, and how.
+/// The series that a child reads, and the options of reading.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SeriesChoice {
     /// The name of the file or folder in refusals: its own may be that of a patient.

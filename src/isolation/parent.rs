@@ -29,9 +29,9 @@ use relief_volume::{ContentHasher, Grid, LabelMap, Segment, Volume};
 const SUBCOMMAND: &str = "decode-worker";
 /// Longest reading.
 const PATIENCE: Duration = Duration::from_secs(900);
-/// How long a child that closed its socket may take to end.
+/// The longest time from the end of a child's socket to the end of the child.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// How often the parent checks whether the caller still waits for the result.
+/// The time between two checks of the caller, which may no longer wait for the result.
 const TURN: Duration = Duration::from_millis(200);
 /// Largest file of annotations, and all of its contents together.
 const MOST_ANNOTATION_BYTES: u64 = 1 << 30;

@@ -50,7 +50,7 @@ pub struct ReceivedFrame {
 /// The views that a client makes of a picture and its disparity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewsOutput {
-    /// How many, and their places in the frame.
+    /// Their number, and their places in the frame.
     pub layout: Layout,
     /// The panel, for layouts of lenses.
     pub panel: LensPanel,

@@ -28,11 +28,11 @@ static CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub struct Field {
     /// Its name.
     pub name: &'static str,
-    /// Where it begins.
+    /// Its offset in bytes.
     pub offset: usize,
     /// `u8`, `u16`, `u32`, `u64` or `f32`.
     pub kind: &'static str,
-    /// How many numbers it has.
+    /// The number of its values.
     pub count: usize,
 }
 
@@ -144,7 +144,7 @@ pub enum FrameError {
     /// A field has a value that this version does not know.
     #[error("the frame's {field} is {found}, allowed: {allowed}")]
     Field {
-        /// Which field.
+        /// The field.
         field: &'static str,
         /// Its value.
         found: u64,

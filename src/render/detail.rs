@@ -1,4 +1,4 @@
-//! Which voxels a picture is cast through: all, or means of blocks of them.
+//! The voxels that a picture is cast through: all, or means of blocks of them.
 
 /// The voxels that rays are cast through.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

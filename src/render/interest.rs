@@ -1,4 +1,4 @@
-//! Which values of a volume can change a picture.
+//! The values of a volume that can change a picture.
 
 use crate::mode::Mode;
 use crate::request::RenderRequest;

@@ -21,7 +21,7 @@ pub struct Look {
     pub transfer: usize,
     /// The colour that it is tinted with, display-referred sRGB, 0..1.
     pub tint_rgb: [f64; 3],
-    /// How much of its colour gives way to the tint, 0..1.
+    /// The share of its colour that gives way to the tint, 0..1.
     pub tint: f64,
 }
 
@@ -64,7 +64,7 @@ pub struct Labels {
     pub looks: Vec<Look>,
     /// Transfer functions beside the request's own; none with opacity by gradient.
     pub transfers: Vec<TransferFunction>,
-    /// Where edges between segments run.
+    /// The form of edges between segments.
     pub edges: Edges,
 }
 

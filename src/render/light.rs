@@ -8,7 +8,7 @@ use crate::request_error::RequestError;
 use relief_base::{Patient, Point, Vector, View};
 use relief_volume::Camera;
 
-/// Where a light is.
+/// The place of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
     /// Endlessly far away, in this direction from everything; moves with the camera.
@@ -24,7 +24,7 @@ pub enum Placement {
 /// One light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Where it is.
+    /// Its place.
     pub placement: Placement,
     /// Display-referred sRGB, 0..1.
     pub rgb: [f64; 3],
@@ -99,7 +99,7 @@ impl Light {
         }
     }
 
-    /// Where it is in the patient for this camera.
+    /// Its place in the patient for this camera.
     pub(super) fn in_patient(&self, camera: &Camera) -> InPatient {
         let unit = |direction: Vector<Patient>| {
             InPatient::Direction(Vector::from_xyz(direction.xyz.normalize_or_zero()))

@@ -37,15 +37,15 @@ pub enum Mode {
     PathTraced,
 }
 
-/// Which value a slab shows.
+/// The value that a slab shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum SlabBlend {
     /// The mean over the slab's thickness.
     #[default]
     Mean,
-    /// The largest.
+    /// The largest value.
     Mip,
-    /// The smallest.
+    /// The smallest value.
     MinIp,
 }
 

@@ -118,16 +118,16 @@ pub struct RenderRequest {
     pub shading: Shading,
     /// Distance between samples along a ray, mm.
     pub sample_distance_mm: f64,
-    /// Which voxels rays are cast through.
+    /// The voxels that rays are cast through.
     pub detail: Detail,
     /// Thickness of a slice's slab, half of it on each side of the plane, mm; 0 is a plane, and the
     /// only value for other modes.
     pub slab_mm: f64,
     /// Whether a slice's picture has the patient directions at its edges burnt in.
     pub letters: bool,
-    /// Which depth a ray has.
+    /// The rule of depth.
     pub depth: DepthRule,
-    /// Which part is shown.
+    /// The part that is shown.
     pub clip: Clip,
     /// Whether the table is shown.
     pub table: TableRule,

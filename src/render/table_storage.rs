@@ -1,4 +1,4 @@
-//! Where the transfer table lies: in a uniform or in a storage buffer.
+//! The storage of the transfer table: a uniform or a storage buffer.
 
 use crate::gpu::{AdapterKind, Gpu};
 

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::error::RenderError;
 
-/// How far a picture is.
+/// The progress of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Bands that are done, all passes and the depth of a path-traced picture included.

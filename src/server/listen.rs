@@ -31,7 +31,7 @@ use super::idle::{Connections, Entry, Running};
 use super::stall::StallGuard;
 use super::tls::{Tls, common_name};
 
-/// How much of their time and number connections may take.
+/// Limits of the time and of the number of connections.
 #[derive(Clone, Debug)]
 pub struct ConnectionLimits {
     /// Connections held at a time.

@@ -11,7 +11,7 @@ use rustls::server::WebPkiClientVerifier;
 use rustls::{RootCertStore, ServerConfig};
 use tokio_rustls::TlsAcceptor;
 
-/// How often the files are looked at, at most.
+/// The shortest time between two checks of the files.
 const INTERVAL: Duration = Duration::from_secs(2);
 
 /// The files of a TLS server, PEM.

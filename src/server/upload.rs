@@ -164,7 +164,7 @@ async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Re
     Ok(spooled)
 }
 
-/// How long this many bytes may take.
+/// The longest time that this many bytes may take.
 fn time_for(bytes: u64, limits: UploadLimits) -> Duration {
     Duration::from_secs_f64(bytes as f64 / limits.slowest_bytes_per_s.max(1) as f64)
 }

@@ -69,7 +69,7 @@ const MOST_SAMPLE_MM: f64 = 100.0;
 pub struct BudgetedRequest {
     /// The request, reduced where it had to be.
     pub request: RenderRequest,
-    /// How long it is expected to render.
+    /// The expected render time.
     pub expected_ms: f64,
     /// Whether the request was reduced.
     pub is_reduced: bool,
@@ -123,7 +123,7 @@ impl SpeedBook {
         self.speeds.retain(|speed| speed.volume != volume);
     }
 
-    /// How long a request is expected to render, ms.
+    /// The expected render time of a request, ms.
     #[must_use]
     pub fn expected_ms(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> f64 {
         let known = self.speeds.iter().find(|speed| speed.is_of(volume, request));

@@ -1,4 +1,4 @@
-//! Which voxels moving pictures are cast through.
+//! The voxels that moving pictures are cast through.
 
 use relief_render::{Detail, Mode, RenderRequest, TableRule};
 use relief_volume::{Grid, Projection};

@@ -22,7 +22,7 @@ impl Healing {
         self.due.get_or_insert_with(|| (Instant::now(), FIRST_PAUSE));
     }
 
-    /// How long until the next attempt; `None` when the backend works.
+    /// The time until the next attempt; `None` when the backend works.
     pub(super) fn wait(&self) -> Option<Duration> {
         self.due.map(|(due, _)| due.saturating_duration_since(Instant::now()))
     }

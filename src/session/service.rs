@@ -25,7 +25,7 @@ use super::{BackendError, Origin, RenderBackend, Rendered, ServiceError};
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_volume::{ContentHash, Grid, Volume};
 
-/// How much a service keeps.
+/// The limits of what a service keeps.
 #[derive(Clone, Copy, Debug)]
 pub struct QueueConfig {
     /// Orders that may wait while one renders.
@@ -40,7 +40,7 @@ impl Default for QueueConfig {
     }
 }
 
-/// How long a picture may make no progress while the service shuts down.
+/// The longest time without progress of a picture while the service shuts down.
 const SHUT_DOWN_PATIENCE: Duration = Duration::from_secs(5);
 
 /// Owns the thread that renders. Dropping it, or [`RenderService::shut_down`], lets the queue run

@@ -21,7 +21,7 @@ const MUCH_SHORTER: f64 = 8.0;
 /// How often a picture may be interrupted: the other picture may replace its prepared illumination.
 const MOST_INTERRUPTIONS: u32 = 64;
 
-/// How long the thread counts as shared after requests of two callers.
+/// The time for which the thread counts as shared after requests of two callers.
 const SHARED_FOR: Duration = Duration::from_secs(2);
 
 /// A request is charged at most this many times its expected time: it may have compiled a shader or
@@ -61,7 +61,7 @@ pub(super) struct Waiting {
     pub(super) expected_ms: f64,
     /// Whether it met a failure of the backend already.
     pub(super) was_retried: bool,
-    /// How often it was interrupted.
+    /// The number of its interruptions.
     interruptions: u32,
     /// Time that it was rendered.
     spent_ms: f64,

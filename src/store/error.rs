@@ -35,7 +35,7 @@ pub enum StoreError {
     /// Another author has changed the item since this author read it.
     #[error("item {id} {}; look at it again, and change that", changed(*.expected, .current.as_deref()))]
     Conflict {
-        /// Which.
+        /// The item.
         id: ItemId,
         /// The version that the author saw, or for undo and redo the last one that the author made.
         expected: u64,
@@ -47,7 +47,7 @@ pub enum StoreError {
     /// The item is locked: its lock comes off first, by itself.
     #[error("item {id} is locked; unlock it in an edit of its own first")]
     Locked {
-        /// Which.
+        /// The item.
         id: ItemId,
     },
     /// There is no such item, and never was.
@@ -59,13 +59,13 @@ pub enum StoreError {
     /// A new item has an id that was used before.
     #[error("the id {id} was used before; ids are never reused, so give the new item another one")]
     Exists {
-        /// Which.
+        /// The item.
         id: ItemId,
     },
     /// A content is not in the log.
     #[error("content {} does not exist; store it before an item refers to it", .id.as_str())]
     Content {
-        /// Which.
+        /// Its id.
         id: ContentId,
     },
     /// There is no such template.
@@ -198,7 +198,7 @@ pub enum Damage {
     /// Items of the events are missing.
     #[error("items missing: {count}")]
     MissingItems {
-        /// How many.
+        /// Their number.
         count: usize,
     },
     /// The state of an edit differs from the events.
@@ -210,7 +210,7 @@ pub enum Damage {
     /// Edits of the events are missing.
     #[error("edits missing: {count}")]
     MissingEdits {
-        /// How many.
+        /// Their number.
         count: usize,
     },
     /// The bytes of a content do not have its SHA-256.

@@ -7,6 +7,6 @@ use std::time::Duration;
 pub struct StoreFaults {
     /// Largest size of a SQLite file; beyond it, the disk is full.
     pub most_bytes: Option<u64>,
-    /// How much longer each change takes.
+    /// The added time of each change.
     pub delay: Duration,
 }

@@ -58,9 +58,9 @@ use error::ConnectionFault;
 use place::{DatabaseAddress, DatabaseKind};
 use pools::{Current, PATIENCE, Pools, READERS};
 
-/// How long a database may take to begin a transaction.
+/// The longest time that a database may take to begin a transaction.
 const ANSWER: Duration = Duration::from_secs(5);
-/// How long closing waits for calls that are under way.
+/// The longest time that closing waits for calls in progress.
 const CLOSING: Duration = Duration::from_millis(1500);
 
 /// An open log. A clone is the same log; calls may come from many tasks at once.

@@ -31,9 +31,9 @@ pub struct Audited {
     pub kind: AuditedKind,
     /// The name of that.
     pub name: String,
-    /// Who.
+    /// Its author.
     pub author: Author,
-    /// When.
+    /// The time.
     pub time: Timestamp,
     /// The text from then on: of a set, its JSON form.
     pub body: String,

@@ -1,4 +1,4 @@
-//! Where a log is: a file of SQLite, or a database of a PostgreSQL server.
+//! The place of a log: a file of SQLite, or a database of a PostgreSQL server.
 
 use std::net::IpAddr;
 use std::str::FromStr;
@@ -8,7 +8,7 @@ use sqlx::any::AnyConnectOptions;
 
 use super::error::{LocationError, StoreError};
 
-/// Which program keeps the log.
+/// The program that keeps the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DatabaseKind {
     Sqlite,

@@ -16,7 +16,7 @@ use super::schema;
 
 /// Connections that read at a time.
 pub(super) const READERS: u32 = 4;
-/// How long a change waits for those of others, and a connection for a free place.
+/// The longest time that a change waits for others, and a connection for a free place.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The connections of a log, and how to make them.

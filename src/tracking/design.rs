@@ -29,7 +29,7 @@ pub struct DesignConditions {
     pub gravity_sigma: Option<f64>,
     /// LEDs whose pictures are nearer than this are one blob, px.
     pub merge_px: f64,
-    /// How many views.
+    /// The number of views.
     pub views: usize,
     /// Seed of the views.
     pub seed: u64,

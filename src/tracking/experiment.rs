@@ -140,13 +140,13 @@ impl Arm {
         Self { run, centre, stops }
     }
 
-    /// How long the run takes, seconds.
+    /// The length of the run, seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
         self.stops.len() as f64 * (WAY_S + STOP_S)
     }
 
-    /// Which stop's compared part a time belongs to.
+    /// The stop whose compared part contains a time.
     fn compared(&self, seconds: f64) -> Option<usize> {
         let at = (seconds / (WAY_S + STOP_S)) as usize;
         let inside = seconds - at as f64 * (WAY_S + STOP_S);
@@ -187,7 +187,7 @@ pub struct ExperimentSetting {
     pub camera: Pinhole,
     /// Noise.
     pub sensing: SensorModel,
-    /// How often each run is done.
+    /// The number of repeats of each run.
     pub repeats: u32,
     /// Seed.
     pub seed: u64,

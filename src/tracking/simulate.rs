@@ -83,7 +83,7 @@ impl ReportDelivery {
 /// An LED that is hidden for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HiddenLed {
-    /// Which LED.
+    /// The LED.
     pub led: usize,
     /// From when to when, seconds.
     pub seconds: [f64; 2],
@@ -92,7 +92,7 @@ pub struct HiddenLed {
 /// A button that is held for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressedButton {
-    /// Which, or several.
+    /// The button, or several.
     pub buttons: Buttons,
     /// From when to when, seconds.
     pub seconds: [f64; 2],

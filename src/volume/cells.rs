@@ -41,7 +41,7 @@ pub(crate) struct Component {
 }
 
 impl Component {
-    /// How many cells it has.
+    /// The number of its cells.
     pub(crate) fn len(&self) -> usize {
         self.runs.iter().map(|[start, end]| (end - start) as usize).sum()
     }

@@ -128,7 +128,7 @@ impl Mask {
         *word = *word & !(1 << (i % 64)) | u64::from(is_in) << (i % 64);
     }
 
-    /// How many voxels are in.
+    /// The number of voxels inside.
     #[must_use]
     pub fn voxels(&self) -> u64 {
         self.words.par_iter().with_min_len(1 << 14).map(|word| u64::from(word.count_ones())).sum()

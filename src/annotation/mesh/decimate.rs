@@ -8,13 +8,13 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use super::fans::{Fan, Fans};
 use super::{MeshError, TriangleMesh};
 
-/// How far to go: as far as both allow.
+/// The limits of decimation. It ends at the first one that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decimation {
     /// Triangles that are wanted. More are left where fewer would change the surface by more than
     /// allowed, or its topology.
     pub triangles: usize,
-    /// How far the surface may move, about, mm.
+    /// The largest movement of the surface, about, mm.
     pub error_mm: f64,
 }
 

@@ -41,7 +41,7 @@ impl Fans {
         Self { start, sides }
     }
 
-    /// How many corners there are.
+    /// The number of corners.
     pub(super) fn len(&self) -> usize {
         self.start.len() - 1
     }

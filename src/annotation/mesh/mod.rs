@@ -44,7 +44,7 @@ pub enum MeshError {
         "the surface has {found} triangles, allowed: at most {allowed}; crop the volume or load it with fewer voxels"
     )]
     TooLarge {
-        /// How many there are.
+        /// The number found.
         found: u64,
         /// The limit.
         allowed: u64,
@@ -52,11 +52,11 @@ pub enum MeshError {
     /// A triangle with a corner that is not there.
     #[error("triangle {triangle} has corner {found}, allowed: 0 to {vertices} (not included)")]
     Corner {
-        /// Which, from 0.
+        /// The triangle, from 0.
         triangle: usize,
         /// The corner's index.
         found: u32,
-        /// How many corners there are.
+        /// The number of corners.
         vertices: usize,
     },
     /// A coordinate that is no number.
@@ -65,7 +65,7 @@ pub enum MeshError {
     /// A setting out of its range.
     #[error("{key} is {found}, allowed: {allowed}")]
     Argument {
-        /// Which.
+        /// Its key.
         key: &'static str,
         /// Its value.
         found: String,

@@ -94,7 +94,7 @@ struct PinchedQuad {
 struct Split {
     /// The face, by the cell above it and its axis, and the voxel that the joint cuts off.
     key: (u64, u64),
-    /// Where, in voxels.
+    /// Its place, in voxels.
     place: DVec3,
 }
 

@@ -12,7 +12,7 @@ use super::fans::{Fan, Fans};
 use super::{MeshError, TriangleMesh};
 use relief_base::Point;
 
-/// How much to smooth.
+/// The strength of smoothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoothing {
     /// Times there and back, 0 to 200. Waves shorter than about 2.5 times the square root of this

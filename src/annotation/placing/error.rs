@@ -20,7 +20,7 @@ pub enum SnapError {
     NotFound {
         /// The feature.
         feature: SnapFeature,
-        /// How far, mm.
+        /// The radius of the search, mm.
         radius_mm: f64,
     },
 }

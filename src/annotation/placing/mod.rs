@@ -96,7 +96,7 @@ impl Snap {
 /// A place that was moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snapped {
-    /// Where it is now.
+    /// Its new place.
     pub at: Point<Patient>,
     /// From where it was to where it is.
     pub shift: Vector<Patient>,

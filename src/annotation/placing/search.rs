@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// Where something is looked for.
+/// The region of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
     /// Around this place, patient mm.

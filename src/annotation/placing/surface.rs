@@ -64,7 +64,7 @@ fn crossing(field: &Field<'_>, from: DVec3, along: DVec3, level: f64, reach_mm: 
     None
 }
 
-/// Where what holds at `near` ends.
+/// The end of the stretch from `near` in which the condition holds.
 fn bisect(mut near: f64, mut far: f64, holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..HALVINGS {
         let middle = f64::midpoint(near, far);

@@ -27,7 +27,7 @@ pub enum FillError {
     TooMany {
         /// The kind of the limit.
         what: &'static str,
-        /// How many there are.
+        /// The number found.
         found: usize,
         /// The limit.
         allowed: usize,
@@ -35,15 +35,15 @@ pub enum FillError {
     /// Too few points, or points on one line: no area.
     #[error("contour {contour} encloses no area; it needs three points that are not on one line")]
     Flat {
-        /// Which, from 1.
+        /// The contour, from 1.
         contour: usize,
     },
     /// A coordinate that is no number, or far away.
     #[error("contour {contour}: point {point} is not within {farthest_mm:.0} mm of the origin")]
     Place {
-        /// Which contour, from 1.
+        /// The contour, from 1.
         contour: usize,
-        /// Which point of it, from 1.
+        /// Its point, from 1.
         point: usize,
         /// The limit.
         farthest_mm: f64,
@@ -53,7 +53,7 @@ pub enum FillError {
         "contour {contour} is not planar: a point is {found_mm:.1} mm off its plane, allowed: {allowed_mm} mm"
     )]
     Bent {
-        /// Which, from 1.
+        /// The contour, from 1.
         contour: usize,
         /// The farthest point's distance, mm.
         found_mm: f64,
@@ -65,7 +65,7 @@ pub enum FillError {
         "contour {contour} is {found_deg:.1} degrees off the plane of the others, allowed: {allowed_deg} degrees"
     )]
     Tilted {
-        /// Which, from 1.
+        /// The contour, from 1.
         contour: usize,
         /// The angle between its normal and that of the first, degrees.
         found_deg: f64,

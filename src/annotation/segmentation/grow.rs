@@ -10,7 +10,7 @@ use relief_volume::{Mask, Volume};
 /// Seeds, range and limits of growing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grow {
-    /// Where it begins: in one voxel each, the nearest.
+    /// The start: in one voxel each, the nearest.
     pub seeds: Vec<Point<Patient>>,
     /// Smallest and largest value of voxels that are taken, HU.
     pub hu: [i16; 2],
@@ -18,7 +18,7 @@ pub struct Grow {
     pub limits: GrowLimits,
 }
 
-/// How far a region may grow. Without any it is everything that is connected.
+/// Limits of growth. Without any, a region is everything that is connected.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GrowLimits {
     /// Larger regions are refused as leaked, ml.
@@ -36,7 +36,7 @@ pub struct GrowLimits {
 pub struct GrownRegion {
     /// Its voxels.
     pub mask: Mask,
-    /// How many.
+    /// Their number.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
@@ -59,7 +59,7 @@ pub enum GrowthEnd {
 /// The current step, for progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GrowProgress {
-    /// What.
+    /// The stage.
     pub stage: GrowStage,
     /// Voxels taken so far by this stage.
     pub voxels: u64,
@@ -96,7 +96,7 @@ pub enum GrowError {
     /// A number that is no limit, or no range.
     #[error("{key} is {found}, allowed: {allowed}")]
     Argument {
-        /// Which.
+        /// Its key.
         key: &'static str,
         /// Its value.
         found: String,
@@ -118,7 +118,7 @@ pub enum GrowError {
     /// A seed on a value that is not taken.
     #[error("seed {seed} has {found} HU, allowed: {low} to {high} HU; move it or widen the range")]
     Value {
-        /// Which seed, from 1.
+        /// The seed, from 1.
         seed: usize,
         /// Its voxel's value.
         found: i16,

@@ -14,7 +14,7 @@ use super::message::{LARGEST_COMMAND, commitment_report, report_status};
 /// Storage Commitment Push Model, and its only instance.
 pub(super) const COMMITMENT: &str = "1.2.840.10008.1.20.1";
 const INSTANCE: &str = "1.2.840.10008.1.20.1.1";
-/// How long the caller's provider may take to connect, and to answer.
+/// The longest times of a connection by the caller's provider, and of an answer.
 const CONNECT: Duration = Duration::from_secs(10);
 const PATIENCE: Duration = Duration::from_secs(60);
 

@@ -18,7 +18,7 @@ use super::inbox::Inbox;
 use super::message::{LARGEST_COMMAND, Request, Status};
 
 const VERIFICATION: &str = "1.2.840.10008.1.1";
-/// How long a caller may be silent.
+/// The longest silence of a caller.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Largest unit of the protocol, bytes.
 const LARGEST_PDU: u32 = 128 << 10;
@@ -28,7 +28,7 @@ const LARGEST_PDU: u32 = 128 << 10;
 pub struct AllowedCaller {
     title: String,
     address: Option<IpAddr>,
-    /// Where its own provider listens.
+    /// The address of its own provider.
     port: Option<u16>,
 }
 
@@ -58,7 +58,7 @@ impl FromStr for AllowedCaller {
 }
 
 impl AllowedCaller {
-    /// Where reports for it go, if its provider is known.
+    /// The address of reports for it, if its provider is known.
     fn provider(&self) -> Option<SocketAddr> {
         Some(SocketAddr::new(self.address?, self.port?))
     }
@@ -129,7 +129,7 @@ impl Receiver {
         Ok(Self { address, is_stopping, thread: Some(thread) })
     }
 
-    /// Where it listens.
+    /// Its address.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address

@@ -13,7 +13,7 @@ use relief_dicom::ObjectParts;
 use super::message::{Request, response_status};
 use super::receiver::is_title;
 
-/// How long the other side may take to connect, and to answer.
+/// The longest times of a connection by the other side, and of an answer.
 const CONNECT: Duration = Duration::from_secs(10);
 const PATIENCE: Duration = Duration::from_secs(60);
 const SCHEME: &str = "dicom://";

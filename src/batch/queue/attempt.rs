@@ -12,7 +12,7 @@ pub struct FailedAttempt {
     /// The job, why it is not done, and whether trying again may help.
     #[serde(flatten)]
     pub failure: Failure,
-    /// How often it was started.
+    /// The number of starts.
     pub tries: u32,
     /// The message of the queue that it came with. A job that is submitted again starts afresh.
     pub message: u64,

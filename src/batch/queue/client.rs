@@ -21,15 +21,15 @@ use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 use super::{Queue, QueueError};
 use crate::manifest::{Job, JobKey, read_manifest};
 
-/// How long the queue is asked to wait for a job.
+/// The time for which the queue waits for a job.
 const POLL: Duration = Duration::from_secs(2);
-/// How long to wait for an answer of the queue.
+/// The longest time of an answer of the queue.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(12);
 /// A worker without a finished job for this time is stuck. Its jobs go to another one.
 pub(super) const STUCK_AFTER: Duration = Duration::from_secs(900);
 /// Pauses between attempts to report an outcome; without a report the queue redelivers the job.
 const REPORT_PAUSES_S: [u64; 5] = [1, 2, 4, 8, 16];
-/// How long outstanding reports may take when the worker ends.
+/// The longest time of outstanding reports when the worker ends.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// A job that was taken from the queue.
@@ -38,7 +38,7 @@ pub(super) struct TakenJob {
     pub(super) job: Job,
     /// The number of its message in the stream.
     pub(super) message: u64,
-    /// How often it was delivered to a worker, this time included.
+    /// The number of deliveries to a worker, this one included.
     pub(super) delivered: i64,
 }
 

@@ -44,7 +44,7 @@ pub enum QueueError {
     /// Credentials cannot be read.
     #[error("cannot read {what}: {source}")]
     Credentials {
-        /// Which file; never its content.
+        /// The name of the file; never its content.
         what: &'static str,
         /// The error of the system.
         source: std::io::Error,

@@ -27,7 +27,7 @@ use relief_render::Renderer;
 /// Settings of a worker.
 #[derive(Clone, Debug)]
 pub struct WorkOptions {
-    /// Where outputs go.
+    /// The destination of outputs.
     pub out: Sink,
     /// Copies of series in buckets.
     pub copies: Copies,
@@ -152,7 +152,7 @@ struct Worker<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 struct RunningJob {
     message: u64,
-    /// How often it was started, this time included.
+    /// The number of starts, this one included.
     tries: u32,
 }
 

@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 
 use relief_store::{Store, StoreError};
 
-/// Which log.
+/// The log.
 #[derive(Debug, clap::Args)]
 pub(super) struct LogArguments {
     /// The log: a file, or postgres://USER:PASSWORD@HOST/DATABASE

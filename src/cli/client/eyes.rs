@@ -13,7 +13,7 @@ use relief_tracking::{DisplayGeometry, HeadPose, OPENTRACK_BYTES};
 
 /// The port to which OpenTrack sends where nothing else is set.
 const OPENTRACK_PORT: u16 = 4242;
-/// How often the end of the program is looked for.
+/// The time between two checks for the end of the program.
 const LOOK: Duration = Duration::from_millis(200);
 
 #[derive(Debug, clap::Args)]

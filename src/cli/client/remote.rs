@@ -39,7 +39,7 @@ pub(crate) type Tracking = Arc<Mutex<Option<TrackingState>>>;
 
 /// A Wiimote that says nothing for so long is away, and no hand holds its buttons.
 const SILENT: Duration = Duration::from_millis(500);
-/// How often a Wiimote that is not there is looked for.
+/// The time between two searches for a missing Wiimote.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// Starts reading, on a thread that ends with the program.

@@ -14,7 +14,7 @@ use crate::output::{print_json, say};
 use relief_client::{Handle, Journal, JournalEntry, Options};
 use relief_live::{ClientMessage, Hello};
 
-/// How long the last still frame may take.
+/// The longest time of the last still frame.
 const STILL: Duration = Duration::from_secs(60);
 
 /// The outcome of a replay.

@@ -10,7 +10,7 @@ use relief_film::{Ffmpeg, FilmCodec, FilmWriter, FrameRate};
 
 /// The output of a conversion.
 pub(super) enum Target {
-    /// One PNG.
+    /// A PNG file.
     Picture(PathBuf),
     /// A PNG for each picture.
     Folder(PathBuf),

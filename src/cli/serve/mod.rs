@@ -44,7 +44,7 @@ use relief_session::{NameSource, QueueConfig, RenderService};
 use relief_store::Store;
 use series::of_buckets;
 
-/// How long live sessions may take to say farewell.
+/// The longest time of the end of live sessions.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
 /// How long running requests may take to finish. With sessions and the log, a server is gone within
 /// ten seconds of its signal.

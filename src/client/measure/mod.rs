@@ -27,9 +27,9 @@ use relief_live::{Hello, OrbitPose, PoseKind, Role};
 
 pub use report::MeasureReport;
 
-/// How long a first frame may take: a volume may have to be prepared.
+/// The longest time of a first frame: a volume may have to be prepared.
 const FIRST_FRAME: Duration = Duration::from_secs(60);
-/// How long the still frame may take.
+/// The longest time of the still frame.
 const STILL: Duration = Duration::from_secs(30);
 
 /// The settings of a measurement.
@@ -37,7 +37,7 @@ const STILL: Duration = Duration::from_secs(30);
 pub struct MeasurePlan {
     /// Server and session; where its view has a name, all clients share that.
     pub options: link::Options,
-    /// How long the view moves, seconds.
+    /// The time for which the view moves, seconds.
     pub seconds: f64,
     /// Poses a second.
     pub pose_hz: f64,

@@ -10,7 +10,7 @@ use super::stalled::StalledLoad;
 /// clients while the view moved; `None` without frames.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MeasureReport {
-    /// How long the view moved.
+    /// The time for which the view moved.
     pub seconds: f64,
     /// Clients that took and acknowledged their frames.
     pub clients: usize,

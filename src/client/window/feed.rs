@@ -17,7 +17,7 @@ use relief_display::Frame;
 use relief_live::{Eyes, ReceivedLayers, ServerMessage};
 use relief_tracking::TrackingState;
 
-/// Where a session puts its frames for a window.
+/// The place in which a session puts its frames for a window.
 #[derive(Clone)]
 pub struct Screen {
     shared: Arc<WindowState>,

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 /// Views that followed a tracked viewer, from the arrival of the eyes to the window's surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Followed {
-    /// How many were shown.
+    /// The number of shown frames.
     pub views: u32,
     /// The sum of their times.
     pub total: Duration,

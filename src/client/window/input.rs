@@ -24,7 +24,7 @@ pub(super) enum Meaning {
     Quit,
 }
 
-/// Where mouse and keys are.
+/// The state of mouse and keys.
 #[derive(Debug, Default)]
 pub(super) struct Input {
     at: Option<[f64; 2]>,

@@ -70,7 +70,7 @@ pub enum WindowError {
     Monitor {
         /// The requested number.
         asked: usize,
-        /// How many there are.
+        /// The number found.
         found: usize,
     },
 }
@@ -114,7 +114,7 @@ impl Window {
         Ok(Self { events, screen })
     }
 
-    /// Where frames go.
+    /// The receiver of frames.
     #[must_use]
     pub fn screen(&self) -> Screen {
         self.screen.clone()

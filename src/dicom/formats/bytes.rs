@@ -8,7 +8,7 @@ use flate2::bufread::MultiGzDecoder;
 
 use super::FormatError;
 
-/// Which format a file has.
+/// The format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum VolumeFormat {
     Nifti,

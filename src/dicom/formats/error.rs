@@ -56,7 +56,7 @@ pub enum FormatError {
     /// A value that is no label, or no HU.
     #[error("voxel {index} is {found}, allowed: {allowed}")]
     Value {
-        /// Which voxel, counted in the file's order.
+        /// The voxel, counted in the file's order.
         index: u64,
         /// Its value.
         found: f64,
@@ -66,7 +66,7 @@ pub enum FormatError {
     /// Several values in each voxel of a volume.
     #[error("each voxel has {found} values; a volume has one (of a series of volumes, take one out first)")]
     Layers {
-        /// How many.
+        /// The number of values.
         found: usize,
     },
     /// No memory for the voxels.

@@ -17,7 +17,7 @@ impl Scale {
     pub(super) const NONE: Self = Self { slope: 1.0, intercept: 0.0 };
 }
 
-/// Where voxels lie and how they are stored.
+/// The places and the form of voxels.
 #[derive(Clone, Debug)]
 pub(super) struct Header {
     pub(super) grid: Grid,

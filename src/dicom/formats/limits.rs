@@ -1,6 +1,6 @@
-//! How much a file of voxels may hold.
+//! Limits of files of voxels.
 
-/// How much a file may hold.
+/// The limits of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FormatLimits {
     /// Most voxels; of several layers of a segmentation together.

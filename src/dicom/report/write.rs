@@ -45,7 +45,7 @@ pub struct WrittenReport {
 /// An item that a file cannot hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// Which.
+    /// Its id.
     pub item: ItemId,
     /// Its name.
     pub name: String,

@@ -17,7 +17,7 @@ use crate::views::{LensPanel, Views};
 /// The keyword of the text chunk.
 pub(crate) const LAYOUT_KEYWORD: &str = "relief-layout";
 
-/// How long each picture of a wiggle is shown: one way takes half a second.
+/// The time of each picture of a wiggle: one way takes half a second.
 const STEP_MS: u16 = 60;
 
 /// The most memory that decoding an animation may take beside its pictures.

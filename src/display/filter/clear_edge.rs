@@ -23,7 +23,7 @@ use relief_base::DepthLimits;
 
 /// By how many pixels the foreground is widened at depth edges.
 pub(super) const WIDENED_PX: usize = 2;
-/// How far the filter looks, pixels to each side.
+/// The reach of the filter, pixels to each side.
 pub(super) const REACH_PX: usize = 4;
 /// Neighbours whose depths differ by more than this share of the depth range have an edge between
 /// them: four of 255 disparities.
@@ -50,7 +50,7 @@ pub(super) fn clear_edge(picture: &Picture<'_>, limits: DepthLimits) -> Vec<f32>
     (0..depth.len()).map(|i| if widened(i) { nearest[i] } else { aligned[i] }).collect()
 }
 
-/// Which differences of depth are edges.
+/// The differences of depth that are edges.
 struct Edges {
     near_mm: f32,
     far_mm: f32,
@@ -70,7 +70,7 @@ impl Edges {
         shown(far) - shown(near) > self.least_mm
     }
 
-    /// Which pixels have an edge in reach.
+    /// The pixels with an edge in reach.
     fn near_edge(&self, depth: &[f32], width: usize) -> Vec<bool> {
         let (nearest, farthest) = (extreme(depth, width, 1, lesser), extreme(depth, width, 1, greater));
         let pairs = nearest.iter().zip(&farthest);

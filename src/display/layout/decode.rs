@@ -205,7 +205,7 @@ fn odd_line_problem(frame_px: [u32; 2], samples: &[u8]) -> Option<FrameProblem> 
     first.map(|first| FrameProblem::OddLinesNotBlack { lines, pixels, first })
 }
 
-/// How many odd and how many even lines are not all black.
+/// The numbers of odd and of even lines that are not all black.
 pub(crate) fn odd_and_even_lines(width: usize, samples: &[u8]) -> [usize; 2] {
     let mut counts = [0; 2];
     for (y, line) in samples.chunks_exact(3 * width).enumerate() {

@@ -75,7 +75,7 @@ pub enum LayoutError {
         "{count} views of {}x{}; allowed: 1 to 128 views, 67108864 pixels in all", size_px[0], size_px[1]
     )]
     ViewPixels {
-        /// How many views.
+        /// The number of views.
         count: usize,
         /// The size of each.
         size_px: [u32; 2],
@@ -85,7 +85,7 @@ pub enum LayoutError {
     ViewCount {
         /// The layout.
         layout: Layout,
-        /// How many there are.
+        /// The number found.
         found: usize,
     },
     /// Views that the layout halves, or that take turns, with an odd side.

@@ -304,7 +304,7 @@ impl Layout {
         found.unwrap_or(&TABLE[0]) // a test holds that every layout has its row
     }
 
-    /// Where picture and disparity lie, for layouts that carry both.
+    /// The places of picture and disparity, for layouts that carry both.
     #[must_use]
     pub fn placement(self) -> Option<Placement> {
         match self.info().content {

@@ -33,7 +33,7 @@ pub enum Axis {
     Down,
 }
 
-/// Which of two views has a pixel.
+/// The one of two views that has a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turns {
     /// Even lines have the left view.

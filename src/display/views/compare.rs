@@ -1,4 +1,4 @@
-//! How far two pictures are apart.
+//! The difference of two pictures.
 
 /// The peak signal-to-noise ratio of two pictures, dB; infinite for equal ones.
 ///

@@ -21,7 +21,7 @@ pub struct LensPanel {
     /// By how many pixels a lens is farther left on the next line.
     #[serde(default)]
     pub slant: f64,
-    /// Where a lens begins at the top left corner, in lenses.
+    /// The start of a lens at the top left corner, in lenses.
     #[serde(default)]
     pub center: f64,
     /// The order of red, green and blue within a pixel.

@@ -21,7 +21,7 @@ pub(super) const EYE_SEPARATION_MM: f64 = 65.0;
 /// The factor that stands for 100 %.
 const USUAL_FACTOR: f64 = 64.0;
 
-/// Where a disparity appears to an eye.
+/// The apparent place of a disparity, as an eye sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parallax {
     constants: DisparityConstants,
@@ -36,7 +36,7 @@ pub struct Parallax {
 pub struct TrueViews {
     /// View depth of points that stay in their place, mm: where D is the offset.
     pub converging_mm: f64,
-    /// How far a camera is moved to the right for one eye separation, mm.
+    /// The shift of a camera to the right for one eye separation, mm.
     pub baseline_mm: f64,
     /// The largest difference to the parallax by disparity between the depth limits, for one eye
     /// separation, pixels.

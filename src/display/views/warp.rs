@@ -126,7 +126,7 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Where a pixel is in the view.
+/// The place of a pixel in the view.
 #[derive(Clone, Copy)]
 pub(super) struct Span {
     from: i32,

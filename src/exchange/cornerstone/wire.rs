@@ -102,7 +102,7 @@ pub(super) struct Spline {
     pub(super) resolution: u32,
 }
 
-/// Annotations beside others of a file's own.
+/// A file with a list of annotations.
 #[derive(Deserialize)]
 pub(super) struct AnnotationList {
     pub(super) annotations: Vec<Annotation>,

@@ -113,7 +113,7 @@ fn check_ids(place: &str, points: &[ControlPoint]) -> Result<(), ExchangeError> 
     Ok(())
 }
 
-/// Where a control point is, LPS mm; `None` where it is not defined.
+/// The position of a control point, LPS mm; `None` where it is not defined.
 fn position(
     place: &str,
     markup: &Markup,

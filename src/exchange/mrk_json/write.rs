@@ -15,7 +15,7 @@ use relief_base::{Patient, Point};
 /// Writes items that are sorted by list.
 ///
 /// # Errors
-/// Only those of JSON, which has no other numbers than finite ones.
+/// When a number is not finite: JSON has no such numbers.
 pub(in super::super) fn write(items: &[&Item]) -> Result<Vec<u8>, ExchangeError> {
     let mut markups = Vec::new();
     for list in items.chunk_by(|a, b| a.list == b.list) {

@@ -60,7 +60,7 @@ impl Aspect {
         })
     }
 
-    /// Where a patient point is along view axes, the focal point being 0, mm.
+    /// The place of a patient point along view axes, the focal point being 0, mm.
     pub(super) fn in_view(&self, point: Point<Patient>) -> Vector<View> {
         Vector::from_xyz(self.patient_from_view.inverse() * (point - self.look_at).xyz)
     }

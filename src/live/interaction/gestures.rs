@@ -30,7 +30,7 @@ struct HandInView {
     orientation: DQuat,
 }
 
-/// How far B has come.
+/// The state of button B.
 #[derive(Clone, Copy, Debug)]
 enum TriggerState {
     Open,

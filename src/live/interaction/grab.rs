@@ -25,7 +25,7 @@ pub(super) struct Grab {
     pivot: Pivot,
     /// The point that stays under the hand.
     held: Point<Patient>,
-    /// Where that was in view.
+    /// Its place in view at that time.
     held_in_view: DVec3,
     orientation: DQuat,
     /// The hand when it took hold.

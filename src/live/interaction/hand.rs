@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::intent::{GrabMode, IntentError, Pivot, unit, within};
 use relief_tracking::{SensorPose, TrackedSample, TrackingState};
 
-/// Where a Wiimote's camera is, and how it is turned: `beacon_from_sensor`.
+/// The pose of a Wiimote's camera: `beacon_from_sensor`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandPose {
     position_mm: DVec3,
@@ -60,9 +60,9 @@ pub struct HandOptions {
     /// And it follows the mean of the hand over about this time, s: 0 to 2. Where the hand rests as
     /// A is pressed (within `dead_zone_mm` of that mean), the cursor goes to the mean.
     pub steady_s: f64,
-    /// How much closer one comes in a second of +, as a factor: 1.01 to 100.
+    /// The zoom of a second of +, as a factor: 1.01 to 100.
     pub zoom_per_s: f64,
-    /// How far the clip plane goes in a second of the cross, mm: 0.1 to 2000.
+    /// The movement of the clip plane in a second of the cross, mm: 0.1 to 2000.
     pub clip_mm_per_s: f64,
 }
 

@@ -123,7 +123,7 @@ pub enum Intent {
     },
     /// Sets something down where the cursor is.
     Place {
-        /// How far that is.
+        /// The phase.
         phase: PlacePhase,
     },
     /// Takes back the last change of the view.
@@ -158,7 +158,7 @@ pub enum Pivot {
     Focal,
 }
 
-/// How far placing is.
+/// The phase of placing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PlacePhase {
@@ -197,7 +197,7 @@ pub enum IntentError {
     OneOf {
         /// The intent.
         intent: &'static str,
-        /// How many there are.
+        /// The number found.
         found: usize,
         /// The keys.
         keys: &'static str,
@@ -211,7 +211,7 @@ pub enum IntentError {
 const TURNS_DEG: RangeInclusive<f64> = Orbit::AZIMUTHS_DEG;
 /// Shares of the picture's height that one intent may shift.
 const PANS: RangeInclusive<f64> = -10.0..=10.0;
-/// How much closer one intent may come.
+/// The largest factor of one intent.
 const FACTORS: RangeInclusive<f64> = 0.01..=100.0;
 /// Lengths along view axes, mm.
 const VIEW_MM: RangeInclusive<f64> = -1e5..=1e5;

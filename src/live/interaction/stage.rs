@@ -37,7 +37,7 @@ impl Home {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{what} is {found}, allowed: {allowed}")]
 pub struct StageError {
-    /// Which part.
+    /// The part.
     pub what: &'static str,
     /// The value.
     pub found: String,

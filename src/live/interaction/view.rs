@@ -97,7 +97,7 @@ pub struct ViewRecord {
     pub grabbed: bool,
     /// Whether something is being placed.
     pub placing: bool,
-    /// How many changes can be taken back.
+    /// The number of changes that can be undone.
     pub undo: usize,
     /// Counts changes; equal revisions of one view are equal states.
     pub revision: u64,

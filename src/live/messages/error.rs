@@ -74,7 +74,7 @@ pub enum MessageFault {
     /// More formats than are looked at.
     #[error("{found} formats, allowed: {most}")]
     Formats {
-        /// How many there are.
+        /// The number found.
         found: usize,
         /// The limit.
         most: usize,

@@ -25,7 +25,7 @@ pub struct Eyes {
 }
 
 impl Eyes {
-    /// Refuses eyes behind the screen or in another room.
+    /// Refuses eyes behind the screen or too far from it.
     ///
     /// # Errors
     /// The key, and the allowed values.

@@ -21,7 +21,7 @@ pub enum ServerMessage {
     Error(ErrorMessage),
     /// The state of the server's own tracking.
     Tracking(TrackingMessage),
-    /// How many look at the view.
+    /// The number of viewers of the view.
     Peers(Peers),
     /// Where the eyes of a viewer are, as a client of the view sent them.
     Eyes(Eyes),
@@ -113,15 +113,15 @@ pub struct StateMessage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutsideDepth {
-    /// How many there are.
+    /// Their number.
     pub count: usize,
     /// The name of the one that is farthest outside.
     pub label: String,
-    /// How far behind the depth it is, whole mm; negative in front of it.
+    /// Its distance behind the depth, whole mm; negative in front of it.
     pub behind_mm: f64,
 }
 
-/// Where something would be set down, patient mm.
+/// The place at which something would be set down, patient mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SnappedPlace {
@@ -147,13 +147,13 @@ pub struct ErrorMessage {
 pub struct TrackingMessage {
     /// The tracking state.
     pub state: TrackingState,
-    /// How many LEDs were matched.
+    /// The number of matched LEDs.
     pub leds: usize,
     /// Root mean square of their errors, px.
     pub rms_px: Option<f64>,
 }
 
-/// How many look at a view.
+/// The viewers of a view, by role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Peers {

@@ -37,12 +37,12 @@ pub struct Settings {
     /// The movements that B allows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grab_mode: Option<GrabMode>,
-    /// Where a placed landmark moves to: `false`, or a target.
+    /// The target that a placed landmark snaps to: `false`, or a target.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snap: Option<SnapTo>,
 }
 
-/// Where a placed landmark moves to.
+/// The target that a placed landmark snaps to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SnapTo {
     /// Nothing: they stay under the cursor.
@@ -60,7 +60,7 @@ pub struct SnapTarget {
     /// The level of a surface, HU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hu: Option<f64>,
-    /// How far at most, mm.
+    /// The largest distance, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
 }

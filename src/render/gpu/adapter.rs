@@ -1,4 +1,4 @@
-//! Which adapter to use.
+//! The choice of an adapter.
 
 use super::error::GpuError;
 use crate::gpu::choice::AdapterChoice;

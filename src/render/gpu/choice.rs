@@ -1,6 +1,6 @@
-//! Which adapter is wanted.
+//! The wanted adapter.
 
-/// Which adapter is wanted.
+/// The wanted adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterChoice {
     /// The most capable: a discrete GPU before an integrated one, before a virtual one. Without any,

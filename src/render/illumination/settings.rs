@@ -1,4 +1,4 @@
-//! How much shadows and occlusion show, and their ranges.
+//! The strength of shadows and occlusion, and its ranges.
 
 use crate::light::Light;
 use crate::request_error::RequestError;
@@ -6,7 +6,7 @@ use crate::request_error::RequestError;
 /// Shadows and occlusion of modes composite and isosurface. Neither changes depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Illumination {
-    /// How much of the placed lights' shadows shows, 0..1; at 0 none are made.
+    /// The strength of the placed lights' shadows, 0..1; at 0 none are made.
     pub shadows: f64,
     /// The light that surroundings take away.
     pub occlusion: Occlusion,
@@ -17,9 +17,9 @@ pub struct Illumination {
 /// have their own shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Occlusion {
-    /// How much of it shows, 0..1; at 0 none is made.
+    /// Its strength, 0..1; at 0 none is made.
     pub strength: f64,
-    /// How far away things take light away, mm.
+    /// The distance up to which surroundings take light away, mm.
     pub radius_mm: f64,
 }
 

@@ -111,7 +111,7 @@ pub struct Mesh {
 /// Words that face the viewer, in the middle of the place that shows a point, at its depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
-    /// Where.
+    /// Its place.
     pub at: Point<Patient>,
     /// One line. Characters that the font does not have are drawn as boxes.
     pub text: String,
@@ -320,7 +320,7 @@ impl Sums {
     }
 }
 
-/// Where an item is in the JSON form.
+/// The place of an item in the JSON form.
 #[derive(Clone, Copy)]
 struct Path {
     index: usize,

@@ -87,7 +87,7 @@ pub(super) fn set(
     }
 }
 
-/// Where a label goes.
+/// The place of a label.
 struct LabelPlace {
     middle: DVec2,
     half: DVec2,
@@ -173,7 +173,7 @@ struct OccupancyMap {
     size_px: DVec2,
 }
 
-/// Which parts of a picture are marked: a bit for each, in rows of whole words.
+/// The marked parts of a picture: a bit for each, in rows of whole words.
 struct Marks {
     cells: Vec<u64>,
     /// For each cell whether it or one of the cells below it, within the height of a label, is

@@ -100,7 +100,7 @@ const NONE: u32 = u32::MAX;
 struct Pixel {
     /// Its nearest fragment; [`NONE`] for an empty pixel.
     first: u32,
-    /// How many there are.
+    /// Their number.
     count: u32,
     /// Depth from which on nothing is seen, since a fragment hides all behind it: no end where none
     /// does.

@@ -38,7 +38,7 @@ impl Lens {
         }
     }
 
-    /// Where a patient position is in view: (x, y, depth).
+    /// The place of a patient position in view: (x, y, depth).
     pub(super) fn place(&self, point: Point<Patient>) -> DVec3 {
         let DVec3 { x, y, z } = (self.view_from_patient * point).xyz;
         DVec3::new(x, y, -z)
@@ -82,7 +82,7 @@ impl Lens {
         if self.is_perspective { 1.0 / slope } else { slope }
     }
 
-    /// How much wider the view is at a depth than at depth 1.
+    /// The width of the view at a depth over that at depth 1.
     fn spread(&self, depth_mm: f64) -> f64 {
         if self.is_perspective { depth_mm } else { 1.0 }
     }
@@ -114,7 +114,7 @@ impl Lens {
     }
 }
 
-/// Where a segment meets the near plane.
+/// The crossing of a segment and the near plane.
 fn crossing(a: DVec3, b: DVec3) -> DVec3 {
     a.lerp(b, (NEAR_MM - a.z) / (b.z - a.z)).with_z(NEAR_MM)
 }

@@ -9,7 +9,7 @@ use relief_base::Vector;
 pub struct PathTrace {
     /// Paths through each pixel; noise falls with the square root.
     pub passes: u32,
-    /// Which random numbers: other seeds give other noise around the same mean.
+    /// The seed of random numbers: other seeds give other noise around the same mean.
     pub seed: u32,
     /// Multiplies the extinction that the transfer function's opacity stands for.
     pub density: f64,

@@ -192,7 +192,7 @@ impl<L: Lanes> Scene<'_, L> {
         pending.add(B::lit(self, rgb, direction, p).scaled(weight));
     }
 
-    /// Where samples k may be visible, of these values.
+    /// The lanes in which samples k with these values may be visible.
     #[inline(always)]
     fn may_show(&self, rays: &Rays<L>, k: L::Real, hu: L::Real, chosen: L::Mask) -> L::Mask {
         let shows = chosen & self.colors.lowest_visible_hu.le(hu);

@@ -157,7 +157,7 @@ impl<L: Lanes> View<L> {
         }
     }
 
-    /// Where rays are inside the box of voxel centres, grown by `margin` voxels.
+    /// The stretch of rays inside the box of voxel centres, grown by `margin` voxels.
     #[inline(always)]
     fn box_interval(&self, origin: Triple<L::Real>, step: Triple<L::Real>, margin: L::Real) -> [L::Real; 2] {
         // A component of zero would give 0/0 on a face; a tiny one gives a huge interval.
@@ -188,7 +188,7 @@ impl<L: Lanes> View<L> {
         [entry, exit]
     }
 
-    /// Where rays are inside the sphere that is cut away.
+    /// The stretch of rays inside the sphere that is cut away.
     #[inline(always)]
     fn cut_interval(&self, origin: Triple<L::Real>, direction: Triple<L::Real>) -> [L::Real; 2] {
         let nowhere = self.lanes.splat(NOWHERE_MM);

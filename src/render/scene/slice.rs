@@ -25,7 +25,7 @@ pub struct SliceFile {
     pub offset_mm: f64,
     /// Thickness of the slab, half of it on each side; 0 is a plane.
     pub slab_mm: f64,
-    /// Which of the slab's values is shown.
+    /// The one of the slab's values that is shown.
     #[serde(deserialize_with = "blend")]
     pub blend: SlabBlend,
     /// Height of the picture; when left out, it shows the whole volume.

@@ -52,7 +52,7 @@ impl<'a> Subject<'a> {
         Self { grid, content: SubjectContent::Unknown, labels: None }
     }
 
-    /// What a camera is fitted to; `None` for the bounding sphere.
+    /// The points that a camera is fitted to; `None` for the bounding sphere.
     pub(super) fn framing(&self, rule: FramingRule, request: &RenderRequest) -> Option<Arc<Framing>> {
         if rule == FramingRule::Volume {
             return None;
@@ -79,7 +79,7 @@ impl<'a> SubjectContent<'a> {
         }
     }
 
-    /// Which part of a body the volume shows.
+    /// The part of a body that the volume shows.
     pub(super) fn anatomy(self) -> Option<Anatomy> {
         match self {
             Self::Unknown => None,

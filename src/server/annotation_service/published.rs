@@ -16,7 +16,7 @@ pub(crate) struct Published {
     pub(crate) sets: Arc<[Set]>,
 }
 
-/// Where an item belongs.
+/// The frame of reference and the set of an item.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Home {
     pub(crate) frame: Option<FrameOfReference>,

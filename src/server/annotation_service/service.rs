@@ -66,7 +66,7 @@ impl Annotations {
         self.newest.load(Ordering::Relaxed)
     }
 
-    /// How often anything has changed.
+    /// The number of changes since the start.
     pub(crate) fn changes(&self) -> u64 {
         *self.changes.borrow()
     }

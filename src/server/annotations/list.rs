@@ -27,7 +27,7 @@ struct ListedItem<'a> {
     measures: Vec<Measure>,
 }
 
-/// How far a set is.
+/// The progress of a set.
 #[derive(Default, Serialize)]
 struct Complete {
     defined: usize,

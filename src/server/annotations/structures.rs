@@ -43,7 +43,7 @@ struct GrowBody {
     max_ml: Option<f64>,
     max_radius_mm: Option<f64>,
     neck_mm: Option<f64>,
-    /// How much it would be, and nothing is made.
+    /// Measure the region, and make nothing.
     #[serde(default)]
     preview: bool,
 }

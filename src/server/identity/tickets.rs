@@ -10,7 +10,7 @@ use data_encoding::BASE64URL_NOPAD;
 use super::caller::Identity;
 use crate::problem::Problem;
 
-/// How long the ticket of a page can be redeemed.
+/// The lifetime of a page's ticket.
 pub(super) const LIFETIME: Duration = Duration::from_secs(30);
 /// Tickets at a time; the oldest makes room.
 const MOST: usize = 10_000;

@@ -8,7 +8,7 @@ use super::token_file::{TokenEntry, TokenFileError, read_tokens};
 use relief_annotation::Timestamp;
 use relief_base::sha256_of;
 
-/// How often the file is looked at, at most.
+/// The shortest time between two checks of the file.
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// The tokens of a file. A file that becomes unreadable leaves the last tokens valid.

@@ -20,7 +20,7 @@ use crate::guard::{expect_content_type, read_body};
 use crate::problem::{Problem, parse};
 use crate::state::Config;
 
-/// How long a phone may take to scan the code.
+/// The longest time from the code to its scan by a phone.
 const LIFETIME: Duration = Duration::from_secs(120);
 /// Largest body, bytes.
 const MOST_BYTES: usize = 4 << 10;

@@ -15,7 +15,7 @@ use crate::shares::{Share, Shares};
 use relief_session::{Delays, Views};
 use relief_tracking::{Beacon, Pinhole};
 
-/// How long a view outlives the last session that may come back to it.
+/// The lifetime of a view after the last session that may come back to it.
 const LINGER_BEYOND: Duration = Duration::from_secs(5);
 
 /// The configuration of live sessions.
@@ -29,7 +29,7 @@ pub struct LiveConfig {
     pub ping: Duration,
     /// A connection that sends nothing for this time is closed.
     pub silence: Duration,
-    /// How long a session can be resumed after its connection was lost.
+    /// The time after a lost connection in which a session can be resumed.
     pub resume: Duration,
     /// From the last change until a view counts as still; longer where changes arrive slowly.
     pub still_after: Duration,

@@ -33,7 +33,7 @@ use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError, lock};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
-/// How long the last words may take.
+/// The longest time that the last messages may take.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked.
 const SOCKET_BUFFER: usize = 96 << 20;

@@ -1,4 +1,4 @@
-//! Where a surface of triangles meets a plane.
+//! The intersection of a surface of triangles and a plane.
 
 use std::collections::HashMap;
 

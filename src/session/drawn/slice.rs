@@ -16,7 +16,7 @@ pub(super) struct Cut {
     reach_mm: f64,
 }
 
-/// How far before the plane things are drawn, so that it does not hide them, mm.
+/// The distance before the plane at which things are drawn, so that it does not hide them, mm.
 const BEFORE_MM: f64 = 0.01;
 
 /// A share of the way from one point to another.

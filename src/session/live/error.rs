@@ -51,7 +51,7 @@ pub enum LiveError {
     SceneKey {
         /// The key.
         key: &'static str,
-        /// Where to set it.
+        /// The setting to use instead.
         instead: &'static str,
     },
     /// A display layout that cannot be streamed.

@@ -91,7 +91,7 @@ impl EncodedParts {
         Some((&self.color.get()?.value, &self.depth.get()?.value))
     }
 
-    /// How long encoding took; colour and depth are encoded in parallel.
+    /// The time of encoding; colour and depth are encoded in parallel.
     #[must_use]
     pub fn took(&self) -> Duration {
         let took = [self.color.get().map(|made| made.took), self.depth.get().map(|made| made.took)];

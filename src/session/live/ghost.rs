@@ -1,7 +1,7 @@
-//! Where a point would snap to.
+//! The place to which a point would snap.
 
 use relief_base::{Patient, Point};
-/// Where a point would snap to.
+/// The place to which a point would snap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ghost {
     /// The unsnapped place.

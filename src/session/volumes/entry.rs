@@ -55,7 +55,7 @@ pub struct VolumeEntry {
     /// The distribution of values in the volume without its table. It stays when the voxels are
     /// dropped from memory.
     pub(super) occupancy: Arc<Occupancy>,
-    /// Which part of a body the volume shows.
+    /// The part of a body that the volume shows.
     pub anatomy: Anatomy,
     /// The sphere that live views are fitted to; see [`framing_of_tissue`].
     pub framing: Framing,

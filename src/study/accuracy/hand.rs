@@ -48,7 +48,7 @@ const PRESS_MM: f64 = 2.0;
 const PRESS_S: [f64; 2] = [1.5, 3.5];
 pub(super) const LET_GO_MM: f64 = 0.5;
 const LET_GO_S: [f64; 2] = [1.0, 3.0];
-/// How long a hand is recorded.
+/// The length of a recording of a hand.
 pub(super) const SECONDS: f64 = PRESS_S[1] + LET_GO_S[1] + 1.0;
 
 /// The hand and its tremor, and how far from the beacon.
@@ -157,7 +157,7 @@ pub(super) fn place(
         .collect()
 }
 
-/// How far off the cursor is when it is set down with a tracked hand.
+/// The cursor's error when it is set down with a tracked hand.
 ///
 /// # Errors
 /// When the mapping is invalid, or the hand is not tracked.
@@ -236,7 +236,7 @@ impl<'a> User<'a> {
         })
     }
 
-    /// How far off the cursor is when it is set down.
+    /// The cursor's error when it is set down.
     fn place(mut self, tracked: &Tracked) -> Result<DVec3, StudyError> {
         let first = tracked.first().ok_or(StudyError::HandLost)?.0;
         for (t_ns, state, pose) in tracked {

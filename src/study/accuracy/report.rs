@@ -12,7 +12,7 @@ pub struct WayReport {
     pub pointer: PointerKind,
     /// `ray` or `tip`.
     pub way: &'static str,
-    /// Which of the pointer's mappings.
+    /// The number of the mapping among those of the pointer.
     #[serde(skip)]
     pub(super) number: usize,
     /// `direct`, `lever` or `default`.

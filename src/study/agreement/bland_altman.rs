@@ -11,7 +11,7 @@ use super::{Figure, Undefined};
 /// How two ways differ, in the values' unit. Intervals are of 95 % confidence.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct BlandAltman {
-    /// How many things both measured.
+    /// The number of things that both measured.
     pub count: usize,
     /// Mean of the first less the second.
     pub bias: f64,

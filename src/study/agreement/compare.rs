@@ -19,7 +19,7 @@ pub struct Comparison {
     pub readings: Vec<Reading>,
     /// The reference set of the errors; the mean of the readers where there is no such set.
     pub truth: Option<String>,
-    /// How many patients there are.
+    /// The number of patients.
     pub cases: usize,
     /// The points that at least one reader placed.
     pub landmarks: Vec<Landmark>,
@@ -31,7 +31,7 @@ pub struct Comparison {
     pub missing: Vec<Missing>,
     /// Lengths, angles, areas and volumes.
     pub measures: Vec<MeasureRow>,
-    /// How far each set's measures are from their references.
+    /// The differences of each set's measures from their references.
     pub measure_errors: Vec<ReadingMeasures>,
     /// Intraclass correlations of coordinates and measures.
     pub agreements: Vec<Agreement>,
@@ -50,15 +50,15 @@ pub struct Landmark {
     pub name: String,
     /// Where it should be, LPS; none where only one set has it and there is no truth.
     pub reference_mm: Option<[f64; 3]>,
-    /// Where each set has it.
+    /// Its place in each set.
     pub placed: Vec<Option<Placed>>,
     /// Its errors in all sets.
     pub errors: Option<ErrorSummary>,
-    /// Where 95 % of further placements lie; of four placements or more.
+    /// The region that holds 95 % of further placements; of four placements or more.
     pub ellipsoid: Option<Ellipsoid>,
 }
 
-/// Where a set has a landmark.
+/// The place of a landmark in a set.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placed {
     /// LPS.
@@ -76,7 +76,7 @@ pub struct ReadingErrors {
     pub set: String,
     /// Of the landmarks that have a reference.
     pub errors: Option<ErrorSummary>,
-    /// Where 95 % of further errors lie; of four errors or more.
+    /// The region that holds 95 % of further errors; of four errors or more.
     pub ellipsoid: Option<Ellipsoid>,
 }
 

@@ -17,9 +17,9 @@ pub struct Icc {
     pub icc: f64,
     /// Where the interval begins and ends.
     pub ci95: [f64; 2],
-    /// How many things every rater measured.
+    /// The number of things that every rater measured.
     pub subjects: usize,
-    /// How many raters.
+    /// The number of raters.
     pub raters: usize,
     /// Standard deviation of a single rater's values of one thing: `sqrt` of the raters' and the
     /// residual variance, in the values' unit.

@@ -9,7 +9,7 @@ use relief_annotation::{FrameOfReference, Item, State};
 /// The thing to be placed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Target<'a> {
-    /// Which patient: from 0, in the order in which the readings have them.
+    /// The patient: from 0, in the order in which the readings have them.
     pub(super) case: usize,
     /// Its list, where the name alone is ambiguous.
     pub(super) list: &'a str,

@@ -48,13 +48,13 @@ pub enum Undefined {
     /// A correlation needs things that differ.
     #[error("{found} targets were placed by all readers, needed: at least 2")]
     FewSubjects {
-        /// How many all raters measured.
+        /// The number that all raters measured.
         found: usize,
     },
     /// Agreement needs at least two readers.
     #[error("{found} readings, needed: at least 2")]
     FewRaters {
-        /// How many there are.
+        /// The number found.
         found: usize,
     },
     /// Everything was measured alike, so there is nothing to tell apart.
@@ -63,7 +63,7 @@ pub enum Undefined {
     /// Limits need differences.
     #[error("{found} targets were placed by both readers, needed: at least 2")]
     FewPairs {
-        /// How many both measured.
+        /// The number that both measured.
         found: usize,
     },
 }

@@ -19,7 +19,7 @@ pub(super) struct Quantity {
 /// The values of one target.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
-    /// Which target, of those that were matched.
+    /// The target, of those that were matched.
     pub(super) target: usize,
     /// Of each reading.
     pub(super) values: Vec<Option<f64>>,
@@ -106,7 +106,7 @@ pub struct MeasureRow {
     pub values: Vec<Option<f64>>,
 }
 
-/// How far a set's measures are from their references.
+/// The differences of a set's measures from their references.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadingMeasures {
     /// The set.
@@ -115,7 +115,7 @@ pub struct ReadingMeasures {
     pub measure: &'static str,
     /// UCUM.
     pub unit: &'static str,
-    /// How many have a reference.
+    /// The number of those with a reference.
     pub count: usize,
     /// Mean difference, value less reference.
     pub bias: f64,

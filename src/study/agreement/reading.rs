@@ -21,6 +21,6 @@ pub struct Reading {
 pub struct Study {
     /// Two or more, or one where there is a truth.
     pub readings: Vec<Reading>,
-    /// Where everything should be.
+    /// The expected places of all items.
     pub truth: Option<Reading>,
 }

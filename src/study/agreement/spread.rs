@@ -9,7 +9,7 @@ use super::quantile;
 /// Errors of points: found less expected.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ErrorSummary {
-    /// How many.
+    /// Their number.
     pub count: usize,
     /// Mean along L, P and S.
     pub bias_mm: [f64; 3],
@@ -28,7 +28,7 @@ pub struct ErrorSummary {
     pub rms_mm: f64,
 }
 
-/// Where 95 % of further points of the same kind lie, if they are normal.
+/// The region that holds 95 % of further points of the same kind, if they are normal.
 ///
 /// With mean m and covariance S of n points these are all x with `(x-m)ᵀ S⁻¹ (x-m) <= 3 (n²-1) / (n
 /// (n-3)) F(0.95; 3, n-3)`: V. Chew, "Confidence, prediction, and tolerance regions for the

@@ -61,7 +61,7 @@ pub struct Update {
     pub verdict: Verdict,
     /// Sum of squared innovations over their variances; infinite when it cannot be computed.
     pub nis: f64,
-    /// How many numbers were measured.
+    /// The number of measured values.
     pub count: usize,
 }
 

@@ -68,7 +68,7 @@ pub struct HostOptions {
     pub gyroscope: bool,
 }
 
-/// How far the host is.
+/// The state of the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostState {
     /// The number of this step, and the number of all steps.
@@ -137,7 +137,7 @@ impl Host {
         }
     }
 
-    /// How far it is.
+    /// Its state.
     #[must_use]
     pub fn state(&self) -> HostState {
         match self.at {
@@ -147,7 +147,7 @@ impl Host {
         }
     }
 
-    /// How often it had to begin again.
+    /// The number of its restarts.
     #[must_use]
     pub fn restarts(&self) -> u32 {
         self.restarts

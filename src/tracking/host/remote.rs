@@ -131,7 +131,7 @@ impl VirtualRemote {
         let is_motion_plus = address & 0xff_0000 == 0xa6_0000;
         let error = match space {
             MemorySpace::Eeprom => 8,
-            // A camera without clock and logic takes nothing.
+            // A camera without clock and logic ignores writes.
             MemorySpace::Registers if is_camera && !(self.clock && self.logic) => 8,
             MemorySpace::Registers if is_motion_plus && !self.has_motion_plus => 7,
             MemorySpace::Registers => 0,

@@ -6,7 +6,7 @@ use super::buttons::Buttons;
 /// Raw counts of the accelerometer, 0 to 1023 each: x to the left, y to the plug, z up.
 pub type Acceleration = [u16; 3];
 
-/// Which parts a data report has. The number is its id.
+/// The parts of a data report. The number is its id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Layout {
@@ -84,7 +84,7 @@ impl Layout {
         }
     }
 
-    /// How many bytes of an extension it has.
+    /// The number of its bytes of an extension.
     #[must_use]
     pub const fn extension_bytes(self) -> usize {
         match self {
@@ -138,7 +138,7 @@ impl Extension {
 /// The content of a data report. Parts that its layout does not have are `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataReport {
-    /// Which parts there are.
+    /// The parts that there are.
     pub layout: Layout,
     /// Buttons held.
     pub buttons: Option<Buttons>,

@@ -8,7 +8,7 @@ use super::blobs::{self, Blob};
 use super::buttons::Buttons;
 use super::data::Acceleration;
 
-/// Which half.
+/// One of the two halves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Half {
     /// 0x3e.
@@ -31,7 +31,7 @@ impl Half {
 /// One half.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InterleavedHalf {
-    /// Which.
+    /// The half.
     pub half: Half,
     /// Buttons held.
     pub buttons: Buttons,

@@ -69,7 +69,7 @@ pub struct Memory {
     pub error: u8,
     /// The lower 16 bits of the address of the first byte.
     pub address: u16,
-    /// How many bytes of `data` were read, 1 to 16.
+    /// The number of bytes of `data` that were read, 1 to 16.
     pub length: u8,
     /// The bytes; those after `length` mean nothing.
     pub data: [u8; 16],

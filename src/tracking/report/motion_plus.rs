@@ -8,7 +8,7 @@
 pub struct MotionPlus {
     /// 14-bit counts about x (pitch), y (roll), z (yaw).
     pub counts: [u16; 3],
-    /// Whether each is in the slow range.
+    /// Whether each axis is in the slow range.
     pub slow: [bool; 3],
     /// Something is plugged into the MotionPlus.
     pub extension: bool,

@@ -5,7 +5,7 @@
 
 use super::data::Layout;
 
-/// Which memory an address is of.
+/// The memory that an address belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemorySpace {
     /// Calibration and user data, kept without power.
@@ -45,7 +45,7 @@ pub enum Output {
     Mode {
         /// Also when nothing changed.
         continuous: bool,
-        /// Which report.
+        /// The report.
         mode: DataMode,
     },
     /// 0x13: the camera's pixel clock.
@@ -56,22 +56,22 @@ pub enum Output {
     Status,
     /// 0x16: write memory; answered by an acknowledgement.
     Write {
-        /// Which memory.
+        /// The memory.
         space: MemorySpace,
         /// 24-bit address.
         address: u32,
-        /// How many of `data`, 1 to 16.
+        /// The number of bytes of `data`, 1 to 16.
         length: u8,
         /// The bytes.
         data: [u8; 16],
     },
     /// 0x17: read memory; answered by one memory report for each 16 bytes.
     Read {
-        /// Which memory.
+        /// The memory.
         space: MemorySpace,
         /// 24-bit address.
         address: u32,
-        /// How many bytes.
+        /// The number of bytes.
         length: u16,
     },
     /// 0x19: mute the speaker.

@@ -22,7 +22,7 @@ pub enum LensError {
     /// A length that is not one.
     #[error("{what} is {found} mm, allowed: more than 0, finite")]
     Length {
-        /// Which.
+        /// Its name.
         what: &'static str,
         /// Its value.
         found: f64,

@@ -41,7 +41,7 @@ pub struct Pinhole {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{what} is {found}, allowed: {allowed}")]
 pub struct PinholeError {
-    /// Which parameter.
+    /// The parameter.
     pub what: &'static str,
     /// Its value.
     pub found: f64,

@@ -14,7 +14,7 @@ use nalgebra::{Matrix4, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector4, V
 use super::{MAX_SEEN, PoseView};
 use crate::pose::Pose;
 
-/// Where it ended.
+/// The last pose of the iteration.
 #[derive(Clone, Copy, Debug)]
 pub struct PaperSolution {
     /// `sensor_from_beacon`.

@@ -1,4 +1,4 @@
-//! Which blob is which LED, when the filter knows where each should be.
+//! The matching of blobs with LEDs, when the filter knows where each should be.
 //!
 //! Blobs are paired with the LEDs that could be there; every way to do so is scored by its squared
 //! normalised innovation, a blob without LED by a fixed penalty. When two ways are nearly as good,

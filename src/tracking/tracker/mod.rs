@@ -67,11 +67,11 @@ pub struct TrackedSample {
     pub covariance: Option<Matrix6<f64>>,
     /// Root mean square of the matched blobs' errors, px.
     pub rms_px: Option<f64>,
-    /// How many blobs were matched.
+    /// The number of matched blobs.
     pub leds: usize,
 }
 
-/// How many reports were dropped, and why.
+/// The numbers of dropped reports, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DroppedReports {
     /// Not newer than the last.

@@ -18,7 +18,7 @@ pub struct PoseRecord {
     pub covariance: Option<Vec<f64>>,
     /// Root mean square of the matched blobs' errors, px.
     pub rms_px: Option<f64>,
-    /// How many blobs were matched.
+    /// The number of matched blobs.
     pub leds: usize,
     /// Time that the pose took, µs.
     pub solve_us: f64,

@@ -51,7 +51,7 @@ pub enum CameraError {
     /// A coordinate is not finite or absurdly far away.
     #[error("{what} has a coordinate of {found}, allowed: -1000000 to 1000000 mm")]
     Coordinate {
-        /// Which point.
+        /// The name of the point.
         what: &'static str,
         /// The coordinate.
         found: f64,

@@ -33,7 +33,7 @@ impl Default for Orbit {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{what} is {found}, allowed: {allowed}")]
 pub struct OrbitError {
-    /// Which part: `azimuth_deg`, `elevation_deg`, `zoom` or `vertical_fov_deg`.
+    /// The part: `azimuth_deg`, `elevation_deg`, `zoom` or `vertical_fov_deg`.
     pub what: &'static str,
     /// The value.
     pub found: f64,

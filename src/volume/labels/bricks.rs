@@ -69,7 +69,7 @@ impl BrickLabels {
         &self.sets
     }
 
-    /// Which set each brick has, x fastest.
+    /// The set of each brick, x fastest.
     #[must_use]
     pub fn of_brick(&self) -> &[u32] {
         &self.of_brick

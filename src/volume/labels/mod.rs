@@ -104,11 +104,11 @@ pub struct LabelCountError {
     found: usize,
 }
 
-/// Which segment each voxel of a grid belongs to.
+/// The segment of each voxel of a grid.
 pub struct LabelMap {
     grid: Grid,
     segments: Vec<Segment>,
-    /// How many voxels each segment has.
+    /// The number of voxels of each segment.
     counts: Vec<u64>,
     places: SegmentIndices,
     hash: OnceLock<ContentHash>,
@@ -197,7 +197,7 @@ impl LabelMap {
         &self.places
     }
 
-    /// How many voxels belong to a segment.
+    /// The number of voxels of a segment.
     #[must_use]
     pub fn labelled_voxels(&self) -> u64 {
         self.counts.iter().sum()
@@ -268,7 +268,7 @@ impl LabelMap {
     }
 }
 
-/// How often each label occurs.
+/// The number of voxels of each label.
 fn count(labels: &[u16]) -> Vec<u64> {
     let empty = || vec![0u64; usize::from(u16::MAX) + 1];
     let add = |mut counts: Vec<u64>, part: &[u16]| {
@@ -290,7 +290,7 @@ fn nearest(index: glam::DVec3) -> [i64; 3] {
     index.to_array().map(|x| (x + 0.5 + ROUNDING).floor() as i64)
 }
 
-/// Where a voxel is among all; `None` outside the grid.
+/// The number of a voxel among all; `None` outside the grid.
 fn offset(index: [i64; 3], dims: [usize; 3]) -> Option<usize> {
     let mut inside = [0; 3];
     for (axis, (index, n)) in index.into_iter().zip(dims).enumerate() {

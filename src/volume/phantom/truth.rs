@@ -87,7 +87,7 @@ pub struct Surface {
     pub inside: String,
     /// The material on the outer side; `various` where there are several.
     pub outside: String,
-    /// Where it is.
+    /// Its place.
     pub shape: SurfaceShape,
 }
 

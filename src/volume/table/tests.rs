@@ -75,7 +75,7 @@ fn scan(gap_mm: f64) -> Volume {
         .unwrap()
 }
 
-/// How many voxels of each part there are, and how many the table takes.
+/// The number of voxels of each part, and of those that the table takes.
 fn taken(gap_mm: f64) -> std::collections::BTreeMap<Part, [usize; 2]> {
     let volume = scan(gap_mm);
     let table = Table::find(&volume).expect("there is a table");

@@ -53,7 +53,7 @@ pub enum TransferError {
         "control point {index} is at {found} HU, allowed: above {previous} HU, the value of the previous point"
     )]
     Order {
-        /// Which point, from 0.
+        /// The point, from 0.
         index: usize,
         /// Its value in HU.
         found: f64,
@@ -63,9 +63,9 @@ pub enum TransferError {
     /// A value outside its range.
     #[error("control point {index}: {what} is {found}, allowed: {allowed}")]
     Value {
-        /// Which point, from 0.
+        /// The point, from 0.
         index: usize,
-        /// Which of its values.
+        /// The name of its value.
         what: &'static str,
         /// The value.
         found: f64,
@@ -75,7 +75,7 @@ pub enum TransferError {
     /// A window that shows nothing.
     #[error("window {what} is {found}, allowed: {allowed}")]
     Window {
-        /// Which of its values: `center_hu` or `width_hu`.
+        /// The name of the value: `center_hu` or `width_hu`.
         what: &'static str,
         /// The value.
         found: f64,
@@ -88,9 +88,9 @@ pub enum TransferError {
     /// A point of opacity by gradient outside its range, or not above the one before.
     #[error("opacity by gradient, point {index}: {what} is {found}, allowed: {allowed}")]
     Gradient {
-        /// Which point, from 0.
+        /// The point, from 0.
         index: usize,
-        /// Which of its values: `hu_per_mm` or `opacity`.
+        /// The name of its value: `hu_per_mm` or `opacity`.
         what: &'static str,
         /// The value.
         found: f64,

@@ -17,7 +17,7 @@ pub struct TransferTable {
     pub gradient: Option<GradientTable>,
     /// For pre-integrated classification.
     pub integral: Option<IntegralTable>,
-    /// How many entries before each are visible, and one for the whole.
+    /// The number of visible entries before each, and of all.
     visible_before: Vec<u32>,
 }
 
@@ -133,7 +133,7 @@ impl TransferTable {
         }
     }
 
-    /// Where a value lies between entries, as the shader has it.
+    /// The place of a value between entries, as the shader has it.
     fn position(&self, hu: f32) -> f32 {
         ((hu - self.first_hu) / self.step_hu).clamp(0.0, (self.entries.len() - 1) as f32)
     }

@@ -54,7 +54,7 @@ impl MeshFormat {
 pub struct MeshFileError {
     /// The format's name.
     pub format: &'static str,
-    /// Where.
+    /// The place in the file.
     pub at: MeshFilePlace,
     /// The found text or number.
     pub found: String,

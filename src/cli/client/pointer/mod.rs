@@ -17,7 +17,7 @@ use network::Network;
 use relief_client::Handle;
 use tool::Tool;
 
-/// Where spacenavd listens.
+/// The socket of spacenavd.
 const SPACENAVD: &str = "/var/run/spnav.sock";
 
 #[derive(Debug, clap::Args)]
@@ -44,7 +44,7 @@ enum Pointer {
     Igtl(Network),
     /// A server of VRPN.
     Vrpn(Network),
-    /// Where OpenTrack sends to.
+    /// The address that OpenTrack sends to.
     OpenTrack(SocketAddr),
 }
 

@@ -9,7 +9,7 @@ use anyhow::Context;
 use relief_client::Handle;
 use relief_live::{SPACENAV_EVENT_BYTES, SpaceMouseEvent};
 
-/// How often the thread checks whether the session has ended.
+/// The time between two checks of the thread for the end of the session.
 const LOOK: Duration = Duration::from_millis(200);
 
 pub(super) fn start(socket: &Path, handle: &Handle) -> anyhow::Result<()> {

@@ -1,4 +1,4 @@
-//! How much of the noisy picture belongs into the denoised one.
+//! The share of the noisy picture in the denoised one.
 //!
 //! The error of a fit is estimated by the half of the passes that it did not see: the square of their
 //! difference is the error of the fit and the noise of the half, which the difference between the

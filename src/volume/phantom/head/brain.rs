@@ -22,7 +22,7 @@ const SUBARACHNOID_MM: f32 = 2.0;
 const CORTEX_MM: f32 = 3.0;
 /// Width of a fold, mm.
 const FOLD_MM: f32 = 12.0;
-/// Where folds converge, and the semi-axes over which they are spread.
+/// The point at which folds converge, and the semi-axes over which they are spread.
 const HUB: Vec3 = Vec3::new(0.0, 4.0, 36.0);
 const SPREAD: Vec3 = Vec3::new(62.0, 80.0, 62.0);
 

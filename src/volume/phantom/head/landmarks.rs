@@ -52,7 +52,7 @@ struct Definition {
     on: Boundary,
     /// Where the middle line starts, outside the tissue.
     from: [f32; 3],
-    /// Where lines go; need not be a unit vector.
+    /// The direction of lines; need not be a unit vector.
     toward: [f32; 3],
     /// Half-extents of the start points around `from`, along one or two directions; zero for a
     /// single line.
@@ -196,7 +196,7 @@ fn first_crossing(anatomy: &Anatomy, start: Vec3, toward: Vec3, level: f32) -> O
     None
 }
 
-/// Where a condition that fails at `low` and holds at `high` begins to hold.
+/// The value from which a condition that fails at `low` and holds at `high` begins to hold.
 fn bisected(mut low: f32, mut high: f32, holds: impl Fn(f32) -> bool) -> f32 {
     for _ in 0..10 {
         let middle = 0.5 * (low + high);

@@ -43,7 +43,7 @@ const BLOCK: usize = 8;
 /// The range that a CT can store.
 const RANGE_HU: (f32, f32) = (-1024.0, 3071.0);
 
-/// Where a head of `size` voxels across lies.
+/// The place of a head of `size` voxels across.
 pub(super) fn placement(size: usize) -> Placement {
     let slices = (size * SLICES + 128) / 256;
     Placement::centered([size, size, slices], EXTENT_MM, CENTER_MM)

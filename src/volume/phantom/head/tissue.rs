@@ -1,4 +1,4 @@
-//! Which tissue is where: all parts of the head painted over each other.
+//! The tissue at each place: all parts of the head painted over each other.
 
 use glam::Vec3;
 

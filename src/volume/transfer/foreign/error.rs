@@ -20,7 +20,7 @@ pub enum TransferImportError {
     /// Not as its format has it.
     #[error("{place}: {source}")]
     Syntax {
-        /// Where in the file.
+        /// The place in the file.
         place: String,
         /// The fault at that place.
         source: TransferSyntaxError,
@@ -28,7 +28,7 @@ pub enum TransferImportError {
     /// A number that cannot be.
     #[error("{place} is {found}, allowed: {allowed}")]
     Range {
-        /// Where in the file.
+        /// The place in the file.
         place: String,
         /// The value.
         found: String,
@@ -38,7 +38,7 @@ pub enum TransferImportError {
     /// A choice is needed.
     #[error("the file contains {count} functions; choose one by name: {names}")]
     Several {
-        /// How many.
+        /// Their number.
         count: usize,
         /// Their names, the first hundred.
         names: String,

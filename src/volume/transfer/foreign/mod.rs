@@ -23,7 +23,7 @@ use super::{GradientOpacity, TransferFunction};
 use draft::{Draft, FoundFunction};
 use error::TransferImportError;
 
-/// Which function of a file, and where to put it.
+/// The function of a file, and the values that it is stretched over.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TransferImportChoice<'a> {
     /// The name of one of several.

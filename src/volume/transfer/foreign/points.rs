@@ -77,7 +77,7 @@ impl<'a> Joint<'a> {
         ControlPoint { hu, rgba: [r, g, b, self.opacity.at(hu)] }
     }
 
-    /// Where a control point has to be: nodes, and both sides of leaps.
+    /// The places that need a control point: nodes, and both sides of leaps.
     fn breaks(&self) -> Vec<f64> {
         let (color, opacity) = (self.color.nodes(), self.opacity.nodes());
         let nodes = color.iter().map(|node| node.x).chain(opacity.iter().map(|node| node.x));

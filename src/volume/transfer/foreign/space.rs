@@ -21,12 +21,12 @@ pub(super) enum NodeFraction {
     Bent {
         /// The share, bent already.
         share: f64,
-        /// How much it is bent.
+        /// The strength of the bend.
         sharpness: f64,
     },
 }
 
-/// Where colours mix.
+/// The colour space of mixtures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ColorSpace {
     /// Red, green and blue.
@@ -175,7 +175,7 @@ fn hue_towards([m, s, h]: [f64; 3], magnitude: f64) -> f64 {
 }
 
 impl NodeFraction {
-    /// Which half of the way this is in, and the way within that half.
+    /// The half of the way that this lies in, and the way within that half.
     fn half(self) -> (bool, Self) {
         let split = |s: f64| if s < 0.5 { (true, 2.0 * s) } else { (false, 2.0 * s - 1.0) };
         match self {
