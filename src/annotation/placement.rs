@@ -57,7 +57,7 @@ pub struct Device {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraRecord {
-    /// Where the eye was.
+    /// The place of the eye.
     pub eye_mm: [f64; 3],
     /// Focal point of the camera.
     pub look_at_mm: [f64; 3],

@@ -1,4 +1,4 @@
-//! Which sets are drawn over a picture.
+//! The sets that are drawn over a picture.
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

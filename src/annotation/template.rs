@@ -228,8 +228,8 @@ impl Template {
         lacking.map(create).collect()
     }
 
-    /// How far a set is. Of items of one name the one in the template's list counts, then the first
-    /// with a place.
+    /// The progress of a set. Of items of one name the one in the template's list counts, then the
+    /// first with a place.
     pub fn completeness<'a>(&self, present: impl IntoIterator<Item = &'a Item>) -> Completeness {
         let mut best: std::collections::HashMap<&str, &Item> = std::collections::HashMap::new();
         let rank = |item: &Item| (item.list == self.name, item.state == State::Defined);

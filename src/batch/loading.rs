@@ -14,7 +14,7 @@ use super::run_state::RunState;
 use super::source::{BudgetedVolume, SeriesSource};
 use relief_render::{PreparedVolume, Scene, SceneError, SceneFile, Subject, VolumeLimits};
 
-/// How long a permanent failure of a series holds: it may be mended while a worker runs.
+/// The time for which a permanent failure of a series holds: it may be mended while a worker runs.
 const BROKEN_FOR: Duration = Duration::from_secs(10);
 
 /// A series, its volume as the renderer needs it, and its jobs with their scenes.

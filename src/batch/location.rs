@@ -1,4 +1,4 @@
-//! Where series are and where outputs go, as options and manifests say it: a path of this machine,
+//! The places of series and outputs, as in options and manifests: a path of this machine,
 //! `s3://BUCKET/PREFIX`, or for series `dicomweb+https://HOST/ROOT/...`.
 
 use std::path::{Path, PathBuf};

@@ -38,7 +38,7 @@ pub enum Root {
 /// The input of a plan.
 #[derive(Debug)]
 pub struct Request {
-    /// Where the series are.
+    /// The places of the series.
     pub root: Root,
     /// The label map of each, where the table names none: `{}` stands for the series' path, of a
     /// file without its ending.

@@ -22,7 +22,7 @@ pub enum Product {
     Annotated,
     /// The frame in the scene's layout with the annotations drawn in the same depth, PNG.
     AnnotatedFrame,
-    /// Which structure of the annotations is nearest in each pixel, whatever of the volume lies
+    /// The structure of the annotations that is nearest in each pixel, whatever of the volume lies
     /// before it: 8-bit grey, PNG.
     Labels,
     /// The colour as a DICOM Secondary Capture of the series' study.

@@ -32,7 +32,7 @@ pub struct Summary {
     pub loaded: usize,
     /// Not done.
     pub failures: Vec<Failure>,
-    /// Where the time went.
+    /// The times of its activities.
     pub seconds: Seconds,
 }
 

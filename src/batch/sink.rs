@@ -1,5 +1,5 @@
-//! Where outputs go: a folder, or a bucket of an S3 service. Each of them appears whole or not at
-//! all.
+//! The destination of outputs: a folder, or a bucket of an S3 service. Each of them appears whole
+//! or not at all.
 //!
 //! Outputs are named by paths such as `SERIES/VIEW.color.png`, with `/` on every system.
 

@@ -224,7 +224,7 @@ fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimit
     Ok(encoder.views(&picture, limits)?)
 }
 
-/// Where the plane of the screen lies before a scene's camera, and how far apart eyes are there.
+/// The plane of the screen before a scene's camera, and the distance of eyes there.
 pub(super) fn screen(scene: &Scene, camera: &Camera, limits: DepthLimits) -> anyhow::Result<TrueViews> {
     Ok(true_views(&scene.display, camera, scene.request.size_px, limits)?)
 }

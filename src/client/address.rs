@@ -1,4 +1,4 @@
-//! Where the server is, as a person writes it.
+//! The address of the server, as a person writes it.
 
 use std::fmt;
 use std::str::FromStr;

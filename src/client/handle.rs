@@ -75,7 +75,7 @@ impl Handle {
         self.put(|outbox| outbox.settings(settings))
     }
 
-    /// Where the eyes of the viewer are; `false` if they will not be sent.
+    /// The eyes of the viewer; `false` if they will not be sent.
     pub fn eyes(&self, eyes: Eyes) -> bool {
         self.put(|outbox| outbox.eyes(eyes))
     }

@@ -86,7 +86,7 @@ impl Outbox {
         self.push(|_| ClientMessage::Settings(Box::new(settings))).is_some()
     }
 
-    /// Where the eyes are; replaces those that still wait. `false` without a connection.
+    /// The eyes; replaces those that still wait. `false` without a connection.
     pub(super) fn eyes(&mut self, eyes: Eyes) -> bool {
         if let Some(ClientMessage::Eyes(last)) = self.queue.back_mut() {
             *last = eyes;

@@ -1,4 +1,4 @@
-//! Where the picture lies in a frame of a layout.
+//! The place of the picture in a frame of a layout.
 
 use relief_display::{Arrangement, Axis, FrameContent, Layout};
 

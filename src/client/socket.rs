@@ -27,7 +27,7 @@ pub const MAX_FRAME_BYTES: usize = HEADER_BYTES + 5 * MAX_PIXELS;
 
 /// Longest time until a reachable server accepts.
 const CONNECT: Duration = Duration::from_secs(3);
-/// How long it may take for `welcome`: the first volume may still be on its way to the graphics
+/// The longest time until `welcome`: the first volume may still be on its way to the graphics
 /// card.
 const WELCOME: Duration = Duration::from_secs(30);
 

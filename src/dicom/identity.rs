@@ -1,4 +1,4 @@
-//! Which study, series and frame of reference a volume came from, for routing by UID, for matching
+//! The study, series and frame of reference of a volume, for routing by UID, for matching
 //! annotations, and for nothing else.
 //!
 //! UIDs identify a patient to anyone with access to the archive, so they are kept out of logs,

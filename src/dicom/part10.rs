@@ -33,7 +33,7 @@ const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 pub(super) struct Object {
     /// The bytes that hold the data set: the file's, or the inflated ones.
     pub(super) bytes: Bytes,
-    /// Where the data set begins in them.
+    /// The start of the data set in them.
     start: u64,
     pub(super) syntax: Syntax,
     /// Held as long as a large inflated data set is.

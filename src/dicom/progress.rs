@@ -11,7 +11,7 @@ pub enum Stage {
     Slices,
 }
 
-/// How far a stage has come. Calls come from several threads, and may overtake each other.
+/// The progress of a stage. Calls come from several threads, and may overtake each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// The unit of the count.

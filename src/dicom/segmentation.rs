@@ -45,7 +45,7 @@ struct Frame {
     segment: Option<u16>,
 }
 
-/// Where the slices lie: directions are unit vectors.
+/// The geometry of the slices: directions are unit vectors.
 struct Stack {
     row: DVec3,
     column: DVec3,
@@ -161,7 +161,7 @@ pub fn read_segmentation_layers(limits: LoadLimits, bytes: &[u8]) -> Result<Load
 /// A segmentation whose voxels are still in its bytes.
 struct Parsed {
     object: Object,
-    /// Where the pixels begin in the object.
+    /// The start of the pixels in the object.
     position: u64,
     bits: u32,
     dims: [usize; 3],

@@ -23,8 +23,8 @@ use super::segmentation::lab_of_srgb;
 use relief_annotation::{Concept, ItemId, Timestamp};
 use relief_volume::{LabelMap, Segment};
 
-/// How far directions may be from right angles, as a cosine: a thousandth of a voxel over a slice
-/// of 1000.
+/// The largest deviation of directions from right angles, as a cosine: a thousandth of a voxel over
+/// a slice of 1000.
 const RIGHT_ANGLE: f64 = 1e-6;
 /// The largest distance of a frame from the slice that it is matched with, mm.
 const SAME_PLANE_MM: f64 = 1e-3;

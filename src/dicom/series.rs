@@ -15,7 +15,7 @@ use super::stack;
 use super::warnings::{Warning, WarningCode};
 use relief_base::Budget;
 
-/// How far unit vectors of one series may differ: they are written with at least four digits.
+/// The largest difference of unit vectors in one series: they are written with at least four digits.
 const DIRECTION_TOLERANCE: f64 = 1e-3;
 /// The largest difference of pixel spacings in one series, as a fraction.
 const SPACING_TOLERANCE: f64 = 1e-3;

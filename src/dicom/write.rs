@@ -91,9 +91,9 @@ pub enum WriteError {
         place.display(), kept.display()
     )]
     Displaced {
-        /// Where the series should have appeared.
+        /// The folder in which the series should have appeared.
         place: PathBuf,
-        /// Where the earlier folder is now.
+        /// The present place of the earlier folder.
         kept: PathBuf,
         /// Why the new folder could not be put there.
         source: io::Error,

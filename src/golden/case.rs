@@ -94,7 +94,7 @@ impl Case {
         &self.purpose
     }
 
-    /// Where the voxels come from.
+    /// The source of the voxels.
     #[must_use]
     pub const fn source(&self) -> &Source {
         &self.source

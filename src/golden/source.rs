@@ -11,7 +11,7 @@ use relief_volume::{PhantomRecipe, Volume};
 /// Voxels across: goldens are many and quick.
 const MAX_PHANTOM_SIZE: usize = 128;
 
-/// Where the voxels of a case come from.
+/// The source of a case's voxels.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Source {
     /// A procedural volume.

@@ -79,7 +79,7 @@ impl<R: Real> Triple<R> {
         Self([x.or_where_not(along_x, u), y.or_where_not(along_y, v), z.or_where_not(along_z, w)])
     }
 
-    /// Where the components are smaller.
+    /// The lanes in which the components are smaller.
     #[inline(always)]
     pub fn lt(self, Self([u, v, w]): Self) -> [R::Mask; 3] {
         let Self([x, y, z]) = self;

@@ -1,4 +1,4 @@
-//! What eight and sixteen lanes of 32 bits have in common: everything but reads of all places at once.
+//! The common part of eight and sixteen lanes of 32 bits: everything but reads of all places at once.
 //!
 //! [`wide`] makes the types of a width. Its module adds the reads (`bytes_at_once` and others), which
 //! are `None` where the level has no instructions for them: then the places are read in turn.
@@ -125,7 +125,8 @@ macro_rules! wide {
                 Self(self.0.sqrt())
             }
 
-            /// By the series of the inverse hyperbolic tangent over a mantissa from sqrt(1/2) to sqrt(2).
+            /// By the series of the inverse hyperbolic tangent over a mantissa from sqrt(1/2) to
+            /// sqrt(2).
             #[inline(always)]
             fn log2(self) -> Self {
                 let bits: $ints<S> = self.0.bitcast();

@@ -33,7 +33,7 @@ const PIPE_BYTES: usize = 1 << 20;
 /// Messages that wait for the server, and for Python. A session whose messages Python does not take
 /// ends.
 const WAITING: usize = 256;
-/// How long the end of a session may take.
+/// The longest time of the end of a session.
 const FAREWELL: Duration = Duration::from_secs(2);
 
 /// The session of a viewer. It ends with the value.

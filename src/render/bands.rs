@@ -15,7 +15,7 @@ use super::uniform::FrameUniform;
 use super::watch::Watch;
 use crate::gpu::{AdapterKind, ErrorScope, Gpu, SubmissionIndex};
 
-/// How long a band of a software adapter should take: a picture that is cancelled ends after one or
+/// The time of a band of a software adapter: a picture that is cancelled ends after one or
 /// two of them.
 const LONG_BAND: Duration = Duration::from_millis(16);
 /// The same while several callers share the render thread.

@@ -1,4 +1,4 @@
-//! How many trilinear samples per second the driver can take at all: the yardstick for the ray
+//! The driver's own rate of trilinear samples: the yardstick for the ray
 //! caster.
 
 use std::time::Instant;

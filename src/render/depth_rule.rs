@@ -5,19 +5,19 @@
 //! `processor::depth_rules`. Opacity is that of one sample; the weight of a sample is its
 //! contribution to the accumulated opacity.
 
-/// Which depth a semi-transparent ray has.
+/// The depth of a semi-transparent ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthRule {
     /// The first visible point: where opacity leaves zero.
     FirstHit,
-    /// Where accumulated opacity crosses this fraction of the ray's final opacity.
+    /// The place at which accumulated opacity crosses this fraction of the ray's final opacity.
     Threshold {
         /// Share of the final opacity, above 0 and up to 1.
         fraction: f64,
     },
-    /// Where opacity first reaches its greatest value on the ray.
+    /// The place at which opacity first reaches its greatest value on the ray.
     MaxOpacity,
-    /// Where the weight first reaches its greatest value on the ray.
+    /// The place at which the weight first reaches its greatest value on the ray.
     MostContributing,
     /// The mean depth of the samples by weight.
     Expected,

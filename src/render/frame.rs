@@ -4,7 +4,7 @@ use relief_base::{DepthLimits, Patient, Point, View, ViewDepth};
 use relief_display::{DisplaySettings, SettingsError, visible_limits};
 use relief_volume::Camera;
 
-/// Where a frame's time went, ms.
+/// The times of the parts of a frame, ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Timings {
     /// Uploading what had changed; 0 when nothing had.
@@ -51,7 +51,7 @@ pub struct RenderedFrame {
     pub nearest_ball_mm: Option<f64>,
     /// Whether only the chosen blocks of the request were cast; the others show the background.
     pub is_partial: bool,
-    /// Where the time went.
+    /// The times of its parts.
     pub timings: Timings,
 }
 

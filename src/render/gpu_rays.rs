@@ -197,7 +197,8 @@ impl GpuRays {
         })
     }
 
-    /// How many volume samples the rays of a picture take, gradients and depth refinement left out.
+    /// The number of volume samples that the rays of a picture take, gradients and depth refinement
+    /// left out.
     ///
     /// # Errors
     /// As [`GpuRays::rays`].

@@ -30,7 +30,7 @@ impl Look {
     pub const PLAIN: Self = Self { visible: true, transfer: 0, tint_rgb: [0.0; 3], tint: 0.0 };
 }
 
-/// Where the edge between segments runs.
+/// The form of the edge between segments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Edges {
     /// Where the trilinear weight of one segment's voxels passes that of another's: as smooth as

@@ -170,7 +170,7 @@ fn per_block(size_px: [u32; 2], value: impl Fn(usize) -> f32 + Sync) -> Vec<f32>
     (0..blocks).into_par_iter().map(|block| mean(size_px, block, &value)).collect()
 }
 
-/// How much neighbours along a row differ, around each block.
+/// The differences of neighbours along a row, around each block.
 fn contrasts(size_px: [u32; 2], view: &[[u8; 3]]) -> Vec<f32> {
     let width = size_px[0] as usize;
     let steps = per_block(size_px, |at| {

@@ -34,8 +34,8 @@ impl Region {
         (self.size[1] - 1) / WORKGROUP_SIDE * WORKGROUP_SIDE
     }
 
-    /// Where a request shows anything of a volume: its visible bricks, or all of it in modes that
-    /// blend the invisible in.
+    /// The part of a picture that shows anything of a volume: its visible bricks, or all of it in
+    /// modes that blend the invisible in.
     pub(super) fn of(request: &RenderRequest, grid: &Grid, bricks: &VisibleBricks) -> Self {
         let corners = match request.mode {
             Mode::Composite | Mode::Isosurface => bricks.corners(grid),

@@ -308,8 +308,8 @@ impl Renderer {
         Ok(self.gpu.as_mut().expect("opened above"))
     }
 
-    /// How many volume samples the rays of a picture take on the graphics adapter, gradients and
-    /// depth refinement left out.
+    /// The number of volume samples that the rays of a picture take on the graphics adapter,
+    /// gradients and depth refinement left out.
     ///
     /// # Errors
     /// As [`Renderer::render`].

@@ -99,7 +99,7 @@ impl Clip {
 /// One picture of one volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderRequest {
-    /// Where the eye is and how it projects.
+    /// The eye and its projection.
     pub camera: Camera,
     /// Width and height in pixels.
     pub size_px: [u32; 2],

@@ -21,7 +21,7 @@ const SLICE: &str = include_str!("../../shaders/slice.wgsl");
 /// The resource that a slice has beside those of the ray caster.
 pub(super) const SLAB_BINDING: (u32, &str) = (9, "slab");
 
-/// Where the samples of a slab lie: on its plane and in pairs before and behind it, from face to
+/// The places of the samples of a slab: on its plane and in pairs before and behind it, from face to
 /// face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SlabSamples {

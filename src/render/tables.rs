@@ -21,7 +21,7 @@ pub(super) struct Tables {
     looks: Vec<Look>,
 }
 
-/// Which tables may be looked up in a brick, a bit each.
+/// The tables that may be looked up in a brick, a bit each.
 pub(super) type TableSet = u32;
 
 const _: () = assert!(Labels::MOST_TRANSFERS < TableSet::BITS as usize, "a bit for each table");

@@ -221,7 +221,7 @@ impl RenderService {
         lock(&self.thread).as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// How long the picture that is being rendered has made no progress; zero while nothing is
+    /// The time without progress of the picture that is being rendered; zero while nothing is
     /// rendered.
     #[must_use]
     pub fn stalled_for(&self) -> Duration {

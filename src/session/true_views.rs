@@ -21,7 +21,7 @@ pub enum TrueViewsError {
     Parallel(#[source] CameraError),
 }
 
-/// Where the plane of the screen lies before a camera, and how far apart eyes are there.
+/// The plane of the screen before a camera, and the distance of eyes there.
 ///
 /// # Errors
 /// When the settings are invalid, or that plane is behind the camera.

@@ -18,7 +18,7 @@ use relief_volume::{ContentHash, Volume};
 /// A request interrupts a running one only if it is this much shorter.
 const MUCH_SHORTER: f64 = 8.0;
 
-/// How often a picture may be interrupted: the other picture may replace its prepared illumination.
+/// Most interruptions of a picture: the other picture may replace its prepared illumination.
 const MOST_INTERRUPTIONS: u32 = 64;
 
 /// The time for which the thread counts as shared after requests of two callers.

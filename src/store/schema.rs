@@ -12,7 +12,7 @@ const SCHEMA: u64 = 1;
 const APPLICATION_ID: i64 = 0x5245_4c46;
 /// Holds off others that make the tables in the same database of PostgreSQL.
 const MAKING_LOCK: &str = "SELECT pg_advisory_xact_lock(1380273222)";
-/// How often a connection tries to bring a file into WAL mode while others are busy in it.
+/// Most attempts of a connection to bring a file into WAL mode while others are busy in it.
 const WAL_TRIES: usize = 100;
 
 /// Of both databases; the words in braces differ.

@@ -28,8 +28,8 @@ const CHANNEL: &str = "relief_log";
 /// The words of notifications about events, and about sets and templates.
 pub(super) const EVENT: &str = "event";
 pub(super) const AUDIT: &str = "audit";
-/// How often SQLite is asked: a person sees a change within a quarter of a second as one that comes
-/// at once.
+/// The time between two queries of SQLite: a person sees a change within a quarter of a second as
+/// one that comes at once.
 const ASKING: Duration = Duration::from_millis(250);
 /// Interval of the probes of a listening connection, and their time limit.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);

@@ -31,7 +31,7 @@ pub struct EarlierPose {
     pub sigma_angle: f64,
     /// Standard deviation of the shift since, mm.
     pub sigma_mm: f64,
-    /// How far an LED's picture can have moved since, px: farther blobs are not tried.
+    /// The largest movement of an LED's picture since then, px: farther blobs are not tried.
     pub reach_px: f64,
 }
 

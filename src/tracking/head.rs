@@ -1,8 +1,9 @@
 //! From the pose of a head, as a head tracker reports it, to the eyes in front of a display.
 //!
-//! Head trackers report movements from a place of rest, which the user sets: OpenTrack sends six numbers by UDP
-//! (`UDP over network`). [`DisplayGeometry`] says where that place is in the space of the screen: the origin is the
-//! centre of the screen, x to the right and y up for the viewer, z towards the viewer, mm.
+//! Head trackers report movements from a place of rest, which the user sets: OpenTrack sends six
+//! numbers by UDP (`UDP over network`). [`DisplayGeometry`] says where that place is in the space
+//! of the screen: the origin is the centre of the screen, x to the right and y up for the viewer, z
+//! towards the viewer, mm.
 
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -32,7 +33,7 @@ pub enum HeadPoseError {
     Number(f64),
 }
 
-/// Where a display is for a head tracker: the file of `relief client --display-geometry`.
+/// The place of a display for a head tracker: the file of `relief client --display-geometry`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DisplayGeometry {
@@ -42,7 +43,8 @@ pub struct DisplayGeometry {
     pub height_mm: f64,
     /// The point between the eyes while the head rests, in the space of the screen, mm.
     pub rest_mm: [f64; 3],
-    /// How far the tracker's axes are turned about the screen's x axis, degrees: positive looks down at the viewer.
+    /// The turn of the tracker's axes about the screen's x axis, degrees: positive looks down at
+    /// the viewer.
     pub tracker_pitch_deg: f64,
     /// Distance between the eyes, mm.
     pub eye_separation_mm: f64,

@@ -33,7 +33,7 @@ impl Pose {
         self.rotation * point + self.translation
     }
 
-    /// Where the sensor is in the beacon's frame.
+    /// The sensor's place in the beacon's frame.
     #[must_use]
     pub fn inverse(&self) -> SensorPose {
         let turn = self.rotation.inverse();

@@ -25,7 +25,7 @@ pub const REPORT_HZ: f64 = 98.27;
 /// Standard gravity, mm/s².
 const GRAVITY_MM_S2: f64 = 9806.65;
 
-/// Where the sensor is at a time (seconds): `beacon_from_sensor`.
+/// The sensor's pose at a time (seconds): `beacon_from_sensor`.
 pub trait SensorPath {
     /// The pose at this time.
     fn at(&self, seconds: f64) -> SensorPose;
@@ -128,7 +128,7 @@ pub struct SimulatedReport {
     pub t_ns: u64,
     /// The report.
     pub report: InputReport,
-    /// Where the sensor was.
+    /// The sensor's pose.
     pub truth: SensorPose,
 }
 

@@ -1,5 +1,5 @@
-//! The axes of a tracker and of its tool, relative to those of the display and of a pointer: the file of
-//! `relief client --tracker-geometry`.
+//! The axes of a tracker and of its tool, relative to those of the display and of a pointer: the
+//! file of `relief client --tracker-geometry`.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -65,7 +65,7 @@ impl ToolPlacement {
         }
     }
 
-    /// Where the tool points at the plane of the display: to the right and up from the origin of the
+    /// The tool's target on the plane of the display: to the right and up from the origin of the
     /// display's axes, mm; `None` when it points away from the display.
     #[must_use]
     pub fn aim(&self, tool: &SensorPose) -> Option<[f64; 2]> {

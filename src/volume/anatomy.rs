@@ -1,4 +1,4 @@
-//! Which part of a body a volume shows, and the look that suits it where a user names none.
+//! The part of a body that a volume shows, and the look that suits it where a user names none.
 //!
 //! It decides by volumes and shares of tissues in cells of 4 mm: a closed skull around a brain, lungs
 //! in most slices, the width of the body. It knows no organs, and reads no DICOM attributes: those

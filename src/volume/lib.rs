@@ -122,7 +122,7 @@ impl Volume {
         Ok(volume)
     }
 
-    /// Where the voxels lie.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
@@ -186,8 +186,8 @@ impl Volume {
         self.derived.occupancy.get_or_init(|| Arc::new(Occupancy::new(self)))
     }
 
-    /// Which part of a body it shows; computed once, then remembered by all clones. The table must be
-    /// removed: see [`Volume::without_table`].
+    /// The part of a body that it shows; computed once, then remembered by all clones. The table
+    /// must be removed: see [`Volume::without_table`].
     #[must_use]
     pub fn anatomy(&self) -> Anatomy {
         *self.derived.anatomy.get_or_init(|| Anatomy::of(self))

@@ -77,7 +77,7 @@ impl Mask {
         LabelMap::of_one(self.grid.clone(), places, segment, self.voxels())
     }
 
-    /// Where the voxels lie.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid

@@ -1,4 +1,4 @@
-//! Which triangles are around each corner: for measures and smoothing.
+//! The triangles around each corner: for measures and smoothing.
 
 use super::TriangleMesh;
 

@@ -26,7 +26,8 @@ const MOST_CLIMBED: usize = 3;
 /// Cosine between the gradient where a line to an edge begins and that at the edge.
 const MOST_TURNED: f64 = 0.3;
 
-/// How far before and behind an edge the magnitude is less, parts of the Gaussian's width.
+/// The distance before and behind an edge at which the magnitude is less, parts of the Gaussian's
+/// width.
 const BESIDE: f64 = 0.15;
 
 /// Steps along a line, parts of the Gaussian's width, and how often a zero between them is closed

@@ -34,7 +34,7 @@ pub(super) fn expect_few_voxels(dims: [usize; 3], radius_mm: f64) -> Result<(), 
     Err(out_of_range("radius_mm", &radius_mm, &allowed))
 }
 
-/// How often each value occurs: whole HU, as voxels have them, so that nothing is lost.
+/// The number of each value: whole HU, as voxels have them, so that nothing is lost.
 #[derive(Debug, Default)]
 pub(super) struct Histogram(Vec<u32>);
 
@@ -109,7 +109,7 @@ impl<'a> Field<'a> {
         Some(ends)
     }
 
-    /// How often each value occurs among the voxels whose centres lie in a ball: from the first
+    /// The number of each value among the voxels whose centres lie in a ball: from the first
     /// value on, HU, one HU a place.
     ///
     /// # Errors

@@ -87,7 +87,7 @@ impl Inbox {
         }
     }
 
-    /// Which objects are kept: whole files, which stay. Series of them are complete.
+    /// The objects that are kept: whole files, which stay. Series of them are complete.
     ///
     /// # Errors
     /// When the folder cannot be read.

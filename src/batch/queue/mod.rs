@@ -31,8 +31,9 @@ pub use work::{WorkOptions, WorkSummary, work_queue};
 const CONSUMER: &str = "workers";
 /// Jobs that all workers together may hold.
 const MOST_HELD: i64 = 100_000;
-/// How long the id of a message is remembered: no longer than it takes to send it twice by mistake.
-/// A job that waits is known by its subject, and one that is done may be submitted again.
+/// The time for which the id of a message is remembered: no longer than it takes to send it twice
+/// by mistake. A job that waits is known by its subject, and one that is done may be submitted
+/// again.
 const REMEMBERED: Duration = Duration::from_secs(1);
 
 /// Errors of a queue.

@@ -36,7 +36,7 @@ pub struct WorkOptions {
     /// The queue redelivers the jobs of a worker that does not report for this time. The first worker
     /// of a stream decides it for all.
     pub ack_wait: Duration,
-    /// How often a job is started before it fails permanently. The first start leaves no record, so
+    /// The number of starts of a job before it fails permanently. The first start leaves no record, so
     /// it does not count where its worker was killed.
     pub tries: u32,
     /// Jobs that are taken at a time: those of one series lie side by side and share its volume.
@@ -206,8 +206,8 @@ impl Worker<'_> {
         ended
     }
 
-    /// Whether a job is to be done now. Records the start of a redelivered job: if it kills this worker,
-    /// too, the next one knows how often it was started.
+    /// Whether a job is to be done now. Records the start of a redelivered job: if it kills this
+    /// worker, too, the next one knows how often it was started.
     fn begin(&self, TakenJob { job, message, delivered }: &TakenJob) -> bool {
         if self.stopping.load(Ordering::Relaxed) {
             lock(&self.counts).handed_back += 1;

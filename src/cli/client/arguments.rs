@@ -33,8 +33,8 @@ pub(crate) struct ClientArguments {
     /// Name of a view that several clients share; one of its own when left out
     #[arg(long, value_name = "NAME", value_parser = view_name)]
     pub(crate) view: Option<String>,
-    /// Volume, by its id; the server's first one when left out, also after the server was restarted with
-    /// another
+    /// Volume, by its id; the server's first one when left out, also after the server was restarted
+    /// with another
     #[arg(long, value_name = "ID")]
     pub(crate) volume: Option<String>,
     /// Whether this client may move the view, or looks
@@ -46,8 +46,8 @@ pub(crate) struct ClientArguments {
     /// Look from there: azimuth and elevation, degrees, and zoom if you like
     #[arg(long, value_name = "AZ,EL[,ZOOM]", value_parser = parse_look, allow_hyphen_values = true)]
     pub(crate) look: Option<OrbitPose>,
-    /// The display: philips-20, philips-42 or dimenco-4k, for its frame size and depth curve; that of the
-    /// layout when left out
+    /// The display: philips-20, philips-42 or dimenco-4k, for its frame size and depth curve; that
+    /// of the layout when left out
     #[arg(long, value_name = "NAME", value_parser = profile_name)]
     pub(crate) profile: Option<ProfileName>,
     #[arg(long, value_name = "NAME", help = layouts("Layout of the frame; the client makes views itself", is_shown))]
@@ -257,7 +257,7 @@ pub(crate) enum Part {
     Watcher,
 }
 
-/// Where the views of a picture at rest are rendered.
+/// The side that renders the views of a picture at rest.
 #[cfg(feature = "window")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum RestChoice {
@@ -279,8 +279,8 @@ pub(crate) struct WindowArguments {
     /// Which monitor, from 0, from left to right
     #[arg(long, value_name = "N", conflicts_with = "headless")]
     pub(crate) monitor: Option<usize>,
-    /// Views of a picture at rest, for layouts of views: true, which the server renders, or synthesised,
-    /// which this client makes [default: true]
+    /// Views of a picture at rest, for layouts of views: true, which the server renders, or
+    /// synthesised, which this client makes [default: true]
     #[arg(long, value_enum, value_name = "WHICH", conflicts_with = "headless")]
     pub(crate) rest: Option<RestChoice>,
     /// Never draw marks of state into the picture's lower left corner; a picture that is out of date is

@@ -108,7 +108,7 @@ async fn finished<T>(
     link.await.map(|()| worked)
 }
 
-/// How long a still frame may take: the volume may have to be loaded, and a large one rendered.
+/// The longest time of a still frame: the volume may have to be loaded, and a large one rendered.
 const STILL: Duration = Duration::from_secs(120);
 
 fn report_saved(

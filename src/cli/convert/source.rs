@@ -1,4 +1,4 @@
-//! Where the pictures come from: a file, a folder, or a film.
+//! The source of the pictures: a file, a folder, or a film.
 
 use std::fs::File;
 use std::io::{BufReader, Read};

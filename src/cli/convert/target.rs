@@ -1,4 +1,4 @@
-//! Where the frames go: a file, a folder, or a film.
+//! The destination of the frames: a file, a folder, or a film.
 
 use std::path::{Path, PathBuf};
 

@@ -219,7 +219,8 @@ fn loader_finding(adapters: &[AdapterDescription]) -> Option<Finding> {
 
 const LOADER: &str = "libvulkan.so.1";
 
-/// Where the dynamic linker would find the loader: LD_LIBRARY_PATH first, then its cache.
+/// The places in which the dynamic linker searches for the loader: LD_LIBRARY_PATH first, then its
+/// cache.
 fn find_loader() -> Option<PathBuf> {
     let folders = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
     let in_path =

@@ -46,8 +46,8 @@ use series::of_buckets;
 
 /// The longest time of the end of live sessions.
 const SESSIONS_PATIENCE: Duration = Duration::from_secs(2);
-/// How long running requests may take to finish. With sessions and the log, a server is gone within
-/// ten seconds of its signal.
+/// The longest time in which running requests may finish. With sessions and the log, a server is
+/// gone within ten seconds of its signal.
 const DRAIN: Duration = Duration::from_secs(5);
 /// Connections that may wait to be accepted.
 const BACKLOG: u32 = 1024;

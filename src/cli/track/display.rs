@@ -1,4 +1,4 @@
-//! Where poses go: a file, lines on stdout, or a table that stays in its place on a terminal.
+//! The destination of poses: a file, lines on stdout, or a table that stays in its place on a terminal.
 
 use std::io::IsTerminal;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Where reports come from: a recording, a socket that sends one, or a Wiimote itself through
+//! The source of reports: a recording, a socket that sends one, or a Wiimote itself through
 //! hidraw.
 
 use std::io::{BufRead, BufReader, Read, Write};

@@ -35,7 +35,7 @@ use relief_display::Layout;
 pub struct WindowOptions {
     /// All of a monitor, without borders.
     pub fullscreen: bool,
-    /// Which monitor, from 0, in the order of the system; `None` is the one that the system takes.
+    /// The monitor, from 0, in the order of the system; `None` is the one that the system takes.
     pub monitor: Option<usize>,
     /// No marks of state.
     pub clean: bool,

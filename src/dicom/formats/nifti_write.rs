@@ -20,7 +20,7 @@ const CARET: i32 = 30;
 const INTENT_LABEL: i16 = 1002;
 const SCANNER_ANATOMICAL: i16 = 1;
 const MILLIMETRES: u8 = 2;
-/// How far axes may be from right angles, as a cosine, for the q-form, which has turns only.
+/// The largest deviation of axes from right angles, as a cosine, for the q-form, which has turns only.
 const RIGHT_ANGLE: f64 = 1e-6;
 
 /// The bytes of a `.nii.gz` file: labels as unsigned integers of 8 bits, or of 16 where some are

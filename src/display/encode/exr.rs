@@ -60,7 +60,7 @@ pub struct DepthImage<'a> {
     pub color: Option<&'a [[u8; 4]]>,
     /// The limits between which depth is scaled for displays, mm.
     pub limits: DepthLimits,
-    /// Where the camera was.
+    /// The camera.
     pub camera: Option<CameraMatrices>,
     /// Further attributes by name.
     pub attributes: &'a BTreeMap<String, Attribute>,

@@ -107,7 +107,7 @@ fn decoder(file: &[u8]) -> png::Decoder<Cursor<&[u8]>> {
     decoder
 }
 
-/// How many pictures an animated PNG says that it has, and the layout that is written into it, as
+/// The number of pictures in the header of an animated PNG, and the layout that is written into it, as
 /// far as the file has them before its pixels.
 pub(crate) fn written_layout(file: &[u8]) -> Option<(Layout, u32)> {
     let reader = decoder(file).read_info().ok()?;

@@ -48,7 +48,7 @@ impl DepthFilter {
     /// By how many pixels `clear-edge` widens the foreground at depth edges.
     pub const WIDENED_PX: usize = clear_edge::WIDENED_PX;
 
-    /// How far `clear-edge` looks, pixels to each side: depth edges that are up to half as far from
+    /// The reach of `clear-edge`, pixels to each side: depth edges that are up to half as far from
     /// their colour edge are moved onto it.
     pub const REACH_PX: usize = clear_edge::REACH_PX;
 

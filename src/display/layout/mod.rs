@@ -61,7 +61,7 @@ impl Layout {
         }
     }
 
-    /// How many views a picture is made into; 0 for layouts that carry the picture itself.
+    /// The number of views that a picture is made into; 0 for layouts that carry the picture itself.
     #[must_use]
     pub fn view_count(self) -> usize {
         match self {
@@ -324,8 +324,8 @@ impl FrameEncoder {
         self.views_of(picture.size_px(), front, back)
     }
 
-    /// A rendered picture as a view of its own, for [`crate::interpolate`]: colour and disparity, with the eye that it was
-    /// rendered for (eye separations to the right of the middle).
+    /// A rendered picture as a view of its own, for [`crate::interpolate`]: colour and disparity,
+    /// with the eye that it was rendered for (eye separations to the right of the middle).
     #[must_use]
     pub fn key_view(&self, eye: f64, picture: &Picture<'_>, limits: DepthLimits) -> KeyView {
         let color = picture.color().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();

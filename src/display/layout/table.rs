@@ -41,7 +41,7 @@ pub enum FrameContent {
     Depth,
 }
 
-/// Where a picture and its disparity lie in a frame: the picture in the left half of its lines, the
+/// The places of a picture and its disparity in a frame: the picture in the left half of its lines, the
 /// disparity in the right half. Other lines are black.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Placement {
@@ -49,7 +49,7 @@ pub struct Placement {
     pub frame_lines: u32,
     /// Frame lines from one line of the picture to the next; the first is line 0.
     pub line_step: u32,
-    /// Where the background layer begins, for layouts that have one.
+    /// The start of the background layer, for layouts that have one.
     pub back: Option<BackStart>,
 }
 

@@ -1,4 +1,4 @@
-//! How many views there are and how a quilt of them is laid out.
+//! The number of views, and the layout of a quilt of them.
 
 use std::fmt;
 use std::str::FromStr;

@@ -69,7 +69,7 @@ impl Parallax {
     /// The width of a pixel in [`Parallax::shifts`].
     pub const UNIT: i32 = 4096;
 
-    /// How far each disparity moves to the right for an eye, 1/4096 pixel, in pictures of this width.
+    /// The shift of each disparity to the right for an eye, 1/4096 pixel, in pictures of this width.
     /// Even numbers, so that the middle between two is a whole one. Nothing moves by more than the
     /// picture's width: it would be out of it.
     #[must_use]

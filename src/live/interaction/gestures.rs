@@ -166,7 +166,7 @@ impl Gestures {
         intents
     }
 
-    /// Where the hand is at this time. Samples that are not newer than the last are left out.
+    /// The pose of the hand at this time. Samples that are not newer than the last are left out.
     pub fn track(&mut self, sample: &HandSample) -> Vec<Intent> {
         let mut intents = Vec::new();
         match order(self.tracked_ns, sample.t_ns) {
@@ -245,7 +245,7 @@ impl Gestures {
         }
     }
 
-    /// Where a hand has left the dead zone around `from` on its way to `to`, if it has.
+    /// The place at which a hand has left the dead zone around `from` on its way to `to`, if it has.
     fn edge_between(&self, from: HandInView, to: HandInView) -> Option<HandInView> {
         let angle = from.orientation.angle_between(to.orientation).to_degrees();
         let way = from.place.distance(to.place) / self.options.gain;

@@ -35,7 +35,7 @@ pub struct HandSample {
 pub struct HandOptions {
     /// Millimetres in view for each of the hand: 0.05 to 20.
     pub gain: f64,
-    /// How far the tip is before the Wiimote's camera, mm: 0 to 5000. Errors of a pose turn about
+    /// The distance of the tip before the Wiimote's camera, mm: 0 to 5000. Errors of a pose turn about
     /// the beacon, so a tip at the beacon's distance is ten times steadier (0.4 against 4.6 mm rms
     /// across the view, from 1200 mm), but turning the wrist moves it far.
     pub tip_mm: f64,

@@ -1,6 +1,7 @@
-//! Where the eyes of a viewer are, in front of a display.
+//! The eyes of a viewer in front of a display.
 //!
-//! Space: the screen. The origin is its centre, x to the right and y up for the viewer, z towards the viewer, mm.
+//! Space: the screen. The origin is its centre, x to the right and y up for the viewer, z towards
+//! the viewer, mm.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +12,8 @@ const FARTHEST_MM: f64 = 20_000.0;
 /// Smallest distance of an eye from the screen, mm.
 const NEAREST_MM: f64 = 50.0;
 
-/// The eyes of the viewer of a display. A server passes them on to every client of the view; they move no camera.
+/// The eyes of the viewer of a display. A server passes them on to every client of the view; they
+/// move no camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Eyes {

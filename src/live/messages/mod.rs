@@ -35,7 +35,7 @@ pub const MAX_TEXT_BYTES: usize = 64 << 10;
 pub enum ClientMessage {
     /// The first message of a connection.
     Hello(Box<Hello>),
-    /// Where the hand is, or from where to look. The newest counts.
+    /// The pose of the hand, or a viewpoint. The newest counts.
     Pose(Pose),
     /// A raw report of a Wiimote, for the server to track.
     Report(RawReport),
@@ -43,7 +43,7 @@ pub enum ClientMessage {
     Intent(IntentMessage),
     /// Settings of the view.
     Settings(Box<Settings>),
-    /// Where the eyes of a viewer are; passed on to every client of the view.
+    /// The eyes of a viewer; passed on to every client of the view.
     Eyes(Eyes),
     /// A frame was shown, or is not going to be: the next may come.
     Ack(Ack),

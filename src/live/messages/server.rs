@@ -23,7 +23,7 @@ pub enum ServerMessage {
     Tracking(TrackingMessage),
     /// The number of viewers of the view.
     Peers(Peers),
-    /// Where the eyes of a viewer are, as a client of the view sent them.
+    /// The eyes of a viewer, as a client of the view sent them.
     Eyes(Eyes),
     /// Annotations of the volume, or the label of the next `place`, changed.
     Annotations(AnnotationsMessage),

@@ -9,7 +9,7 @@ use crate::gpu::choice::AdapterChoice;
 
 pub(crate) use wgpu::SubmissionIndex;
 
-/// How long a frame may take before the device counts as hung. Software adapters need seconds for
+/// The time of a frame after which the device counts as hung. Software adapters need seconds for
 /// large pictures.
 const PATIENCE: Duration = Duration::from_secs(300);
 

@@ -1,7 +1,7 @@
 //! The grid of cells over a volume, and the directions in which a cell looks.
 //!
-//! Shared by the GPU's shader and its twin in lanes: it defines sample positions, not their values. Voxel
-//! index; mm.
+//! Shared by the GPU's shader and its twin in lanes: it defines sample positions, not their values.
+//! Voxel index; mm.
 
 use std::f64::consts::PI;
 
@@ -61,7 +61,7 @@ impl Cells {
         self.shadow_step_mm().max(radius_mm / 8.0).min(3.0 * self.finest_mm)
     }
 
-    /// Where rays begin: half a cell from its centre, so that the surface that a cell lies in casts
+    /// The start of rays: half a cell from its centre, so that the surface that a cell lies in casts
     /// no shadow on it.
     pub(crate) fn begin_mm(&self) -> f64 {
         0.5 * self.edge_mm
@@ -78,7 +78,7 @@ impl Cells {
         DVec3::from(grid.axis_directions().map(|axis| axis.dot(normal)))
     }
 
-    /// How many bricks a visible sample is at most away from the cells that it looks up: one cell
+    /// The largest distance, in bricks, of a visible sample from the cells that it looks up: one cell
     /// before the surface, and one to the next centres.
     pub(crate) fn reach(&self, brick_edge: usize) -> usize {
         self.voxels.into_iter().map(|voxels| (2 * voxels + 1) / brick_edge + 1).max().unwrap_or(1)

@@ -24,7 +24,7 @@ pub struct PathTrace {
     pub surface: f64,
     /// Gradient at which the surface's share is half of that, HU per mm.
     pub surface_hu_per_mm: f64,
-    /// How often light scatters on its way to the eye, at most. With one scattering, shadows are
+    /// Most scatterings of light on its way to the eye. With one scattering, shadows are
     /// as dark as the surroundings leave them; more fill them with light from neighbouring tissue.
     pub scatterings: u32,
     /// Whether noise is removed from the finished picture.

@@ -1,4 +1,4 @@
-//! Where between samples the depth of rays lies, by the rules `first-hit` and `threshold`; as
+//! The depth of rays between samples, by the rules `first-hit` and `threshold`; as
 //! `shaders/raycast/crossing.wgsl`.
 //!
 //! Spaces: mm along the rays.
@@ -34,7 +34,8 @@ struct Search<L: Lanes> {
 }
 
 impl<L: Lanes> Scene<'_, L> {
-    /// Where opacity leaves zero between the sample before the first visible one and that one.
+    /// The place at which opacity leaves zero between the sample before the first visible one and
+    /// that one.
     #[inline(always)]
     pub(super) fn first_hit(&self, rays: &Rays<L>, first: L::Real) -> L::Real {
         let (zero, half) = (self.number(0.0), self.number(0.5));
@@ -62,8 +63,9 @@ impl<L: Lanes> Scene<'_, L> {
         at_once.or_where_not(is_inside, inside)
     }
 
-    /// Where accumulated opacity crosses its share of `opacity`: first the sample whose slab holds the
-    /// crossing, then finer and finer parts of that slab and of the one before it.
+    /// The place at which accumulated opacity crosses its share of `opacity`: first the sample
+    /// whose slab holds the crossing, then finer and finer parts of that slab and of the one before
+    /// it.
     #[inline(always)]
     pub(super) fn threshold_crossing(
         &self,
@@ -152,7 +154,7 @@ impl<L: Lanes> Scene<'_, L> {
         at_end.or_where_not(is_missed, origin + s * part).clamped(rays.entry, rays.exit)
     }
 
-    /// How far into a part of the given opacity the crossing lies, 0..1: opacity grows exponentially
+    /// The place of the crossing in a part of the given opacity, 0..1: opacity grows exponentially
     /// within it.
     #[inline(always)]
     fn share_of_part(&self, opacity: L::Real, accumulated: L::Real, target: L::Real) -> L::Real {

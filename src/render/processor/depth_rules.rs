@@ -104,8 +104,8 @@ impl<L: Lanes> Scene<'_, L> {
         Step { k, next: next.max(k + self.number(1.0)), alive, opacity }
     }
 
-    /// Where opacity comes up to `level` between the samples before numbers k and those, which reach
-    /// it.
+    /// The place at which opacity comes up to `level` between the samples before numbers k and
+    /// those, which reach it.
     #[inline(always)]
     fn level_crossing(&self, rays: &Rays<L>, k: L::Real, level: L::Real) -> L::Real {
         let half = self.number(0.5);
@@ -121,8 +121,8 @@ impl<L: Lanes> Scene<'_, L> {
         at_once.or_where_not(is_inside, inside)
     }
 
-    /// Where the weight comes up to `level`, from samples `start` on, before which `accumulated` has
-    /// accumulated.
+    /// The place at which the weight comes up to `level`, from samples `start` on, before which
+    /// `accumulated` has accumulated.
     #[inline(always)]
     fn weight_crossing(
         &self,
@@ -175,7 +175,7 @@ impl<L: Lanes> Scene<'_, L> {
         }
     }
 
-    /// Where opacity first comes up to its greatest value, whatever lies before it.
+    /// The place at which opacity first comes up to its greatest value, whatever lies before it.
     #[inline(always)]
     fn max_opacity(&self, rays: &Rays<L>, walk: &Walk<L>, first: L::Real, chosen: L::Mask) -> L::Real {
         let mut greatest = self.number(0.0);
@@ -202,8 +202,8 @@ impl<L: Lanes> Scene<'_, L> {
         self.level_crossing(rays, k.min(last), level)
     }
 
-    /// Where the weight first comes up to its greatest value: the steepest rise of accumulated
-    /// opacity.
+    /// The place at which the weight first comes up to its greatest value: the steepest rise of
+    /// accumulated opacity.
     #[inline(always)]
     fn most_contributing(&self, rays: &Rays<L>, walk: &Walk<L>, first: L::Real, chosen: L::Mask) -> L::Real {
         let mut greatest = self.number(0.0);

@@ -105,7 +105,7 @@ impl<L: Lanes> Scene<'_, L> {
         if self.is_cut { t.or_where_not(rays.is_cut(top), top) } else { top }
     }
 
-    /// How far from the middle one of three values the top of the parabola through them lies, in
+    /// The distance from the middle one of three values to the top of the parabola through them, in
     /// their distances; at most half.
     #[inline(always)]
     pub(super) fn top_offset(&self, [before, largest, after]: [L::Real; 3]) -> L::Real {

@@ -250,7 +250,7 @@ impl<L: Lanes> Rays<L> {
         self.origin_voxel.plus_times(self.step_voxel, t)
     }
 
-    /// Where the sphere hides the points at t mm. It hides samples but does not move them.
+    /// The lanes in which the sphere hides the points at t mm. It hides samples but does not move them.
     #[inline(always)]
     pub(super) fn is_cut(&self, t: L::Real) -> L::Mask {
         let [cut_in, cut_out] = self.cut;

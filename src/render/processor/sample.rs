@@ -91,7 +91,7 @@ impl<L: Lanes> Scene<'_, L> {
         }
     }
 
-    /// Where the segment at a position is visible.
+    /// The lanes in which the segment at a position is visible.
     #[inline(always)]
     pub(super) fn is_shown(&self, p: Triple<L::Real>) -> L::Mask {
         match &self.segments {

@@ -49,7 +49,7 @@ impl<'a, L: Lanes> Segments<'a, L> {
         [r * stays + tint_r, g * stays + tint_g, b * stays + tint_b, opacity.or_where_not(is_shown, zero)]
     }
 
-    /// Where the segment is visible.
+    /// The lanes in which the segment is visible.
     #[inline(always)]
     pub(super) fn is_shown(&self, p: Triple<L::Real>) -> L::Mask {
         let [_, _, _, last] = self.look(self.look_at(p));

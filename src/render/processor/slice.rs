@@ -42,7 +42,7 @@ impl<L: Lanes> Scene<'_, L> {
         self.number(self.plane_t + k as f64 * self.slab.spacing_mm)
     }
 
-    /// Where samples are inside the visible part.
+    /// The lanes whose samples are inside the visible part.
     #[inline(always)]
     fn is_counted(&self, rays: &Rays<L>, t: L::Real, chosen: L::Mask) -> L::Mask {
         let mut inside = chosen & rays.entry.le(t) & t.le(rays.exit);

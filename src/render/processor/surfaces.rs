@@ -193,7 +193,8 @@ impl<L: Lanes> Scene<'_, L> {
         share
     }
 
-    /// Where the value passes `level` within stretches whose ends are on different sides of it.
+    /// The places at which the value passes `level` within stretches whose ends are on different
+    /// sides of it.
     #[inline(always)]
     fn crossing_t(&self, rays: &Rays<L>, stretch: &Stretch<L>, level: L::Real) -> L::Real {
         let (zero, half) = (self.number(0.0), self.number(0.5));

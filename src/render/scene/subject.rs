@@ -30,11 +30,12 @@ pub enum SubjectContent<'a> {
     Volume(&'a Volume),
     /// Results of an earlier computation. The voxels need not be in memory.
     Known {
-        /// The distribution of values in the volume; `None` fits cameras as for [`SubjectContent::Unknown`].
+        /// The distribution of values in the volume; `None` fits cameras as for
+        /// [`SubjectContent::Unknown`].
         occupancy: Option<&'a Occupancy>,
         /// [`framing_of_tissue`](super::super::framing::framing_of_tissue).
         tissue: &'a Framing,
-        /// Which part of a body it shows: it chooses the preset, or the window of a slice.
+        /// The part of a body that it shows: it chooses the preset, or the window of a slice.
         anatomy: Anatomy,
     },
 }

@@ -24,7 +24,7 @@ pub(super) struct Rendering {
     pub(super) module: Value,
 }
 
-/// Where the viewpoint is, complete.
+/// The complete viewpoint.
 #[derive(Clone, Copy, Debug)]
 struct Viewpoint {
     position: Point<Patient>,

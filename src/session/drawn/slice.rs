@@ -3,7 +3,7 @@
 use relief_base::{Patient, Point, Vector};
 use relief_render::RenderRequest;
 
-/// How far from the slab a point may be and is still shown, mm: about a slice of a CT series.
+/// The largest distance from the slab of a point that is shown, mm: about a slice of a CT series.
 pub(super) const REACH_MM: f64 = 2.5;
 
 /// The plane of a slice, as its camera sees it.

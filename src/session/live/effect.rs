@@ -43,7 +43,7 @@ pub struct HeldPoint {
     pub name: String,
     /// Vector from the cursor to the point, so that the point does not jump to the cursor.
     pub offset: Vector<Patient>,
-    /// Where the point was taken.
+    /// The place at which the point was taken.
     pub from: Point<Patient>,
 }
 

@@ -28,7 +28,7 @@ pub(super) const BUSY: Duration = Duration::from_millis(10);
 /// Smallest side of a reduced frame.
 const LEAST_PX: f64 = 32.0;
 
-/// Where the annotations that views draw come from.
+/// The source of the annotations that views draw.
 pub trait DrawableSource: Send + Sync + 'static {
     /// A counter that rises with every change of an annotation.
     fn revision(&self) -> u64;

@@ -44,7 +44,7 @@ pub struct View {
     pub failures: watch::Sender<Option<Arc<LiveError>>>,
     /// Numbers of viewers.
     pub peers: watch::Sender<Peers>,
-    /// Where the eyes of a viewer are, as a client sent them last.
+    /// The eyes of a viewer, as a client sent them last.
     pub eyes: watch::Sender<Option<Eyes>>,
     /// True once the volume was removed.
     pub ended: watch::Sender<bool>,
@@ -80,7 +80,7 @@ struct Inner {
     method: Method,
     /// The point that follows the cursor.
     held: Option<HeldPoint>,
-    /// Where the point that is being placed would snap to.
+    /// The place to which the point that is being placed would snap.
     preview: Preview,
     /// See [`EditContext::epoch`].
     epoch: u64,

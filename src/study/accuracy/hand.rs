@@ -185,7 +185,7 @@ impl Watcher {
         Self { random, wanted, shown: Vec::new(), looked_s: 0.0 }
     }
 
-    /// How far the cursor seems to be from where it is to be; `None` between two looks.
+    /// The apparent distance of the cursor from its target; `None` between two looks.
     pub(super) fn watch(&mut self, now: f64, cursor: DVec3) -> Option<DVec3> {
         self.shown.push((now, cursor));
         if now - self.looked_s < LOOKS_S {
@@ -206,7 +206,7 @@ impl Watcher {
     }
 }
 
-/// Where a hand has been led by now: smoothly from one place to another, from `since` on.
+/// The present target of a hand: smoothly from one place to another, from `since` on.
 pub(super) fn led([from, to]: [DVec3; 2], since: f64, now: f64) -> DVec3 {
     let share = ((now - since) / MOVES_S).clamp(0.0, 1.0);
     from.lerp(to, share * share * (3.0 - 2.0 * share))
@@ -281,7 +281,7 @@ impl<'a> User<'a> {
         }
     }
 
-    /// Where the hand has been led by now.
+    /// The present target of the hand.
     fn hand(&self, now: f64) -> DVec3 {
         let (from, to, since) = self.way;
         led([from, to], since, now)

@@ -48,7 +48,7 @@ pub struct Landmark {
     pub list: String,
     /// Its name.
     pub name: String,
-    /// Where it should be, LPS; none where only one set has it and there is no truth.
+    /// Its true place, LPS; none where only one set has it and there is no truth.
     pub reference_mm: Option<[f64; 3]>,
     /// Its place in each set.
     pub placed: Vec<Option<Placed>>,

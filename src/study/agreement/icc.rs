@@ -15,7 +15,7 @@ pub struct Icc {
     /// The coefficient: 1 for readers who always agree, about 0 for readers whose values do not
     /// depend on the target.
     pub icc: f64,
-    /// Where the interval begins and ends.
+    /// The ends of the interval.
     pub ci95: [f64; 2],
     /// The number of things that every rater measured.
     pub subjects: usize,

@@ -1,4 +1,4 @@
-//! Which items of several readings are the same target: those of one name in one case.
+//! The items of several readings that are the same target: those of one name in one case.
 
 use std::collections::{BTreeSet, HashMap};
 

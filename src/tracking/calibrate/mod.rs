@@ -15,7 +15,7 @@ pub use choose::{BlobIdentifier, CalibrationView, choose_views, moving_views};
 use super::sensor::{Pinhole, PinholeError};
 use super::solve::{PoseView, Sighting};
 
-/// Which of the camera's numbers are looked for; the others stay as they were at the start.
+/// The camera's numbers that are calibrated; the others stay as they were at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CalibrationModel {
     /// One focal length and the principal point.

@@ -50,7 +50,7 @@ pub struct Blob {
     pub extent: Option<BlobExtent>,
 }
 
-/// Where a blob lies on the sensor of 128 x 96 pixels, y up, and how bright it is.
+/// The place of a blob on the sensor of 128 x 96 pixels, y up, and its brightness.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlobExtent {
     /// Leftmost column, 0 to 127.

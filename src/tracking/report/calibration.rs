@@ -45,7 +45,7 @@ impl AccelerometerCalibration {
     }
 }
 
-/// Where the factory saw four points: a rectangle, seen through this remote's own camera.
+/// The factory's pictures of four points: a rectangle, seen through this remote's own camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IrCalibration {
     /// The four corners, in raw camera units, y up.

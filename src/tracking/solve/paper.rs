@@ -192,7 +192,8 @@ impl Energy {
     }
 }
 
-/// Where the paper's way begins when nothing is known: level, before the beacon, looking along its
+/// The start of the paper's iteration when nothing is known: level, before the beacon, looking
+/// along its
 /// -z axis.
 #[must_use]
 pub fn level_start(distance_mm: f64) -> Pose {

@@ -249,7 +249,7 @@ impl Wave {
         self.cos * x.cos() + self.sin * x.sin() + self.cos2 * double_cos + self.sin2 * double_sin
     }
 
-    /// Where the slope turns from falling to rising, by halving.
+    /// The place at which the slope turns from falling to rising, by halving.
     fn minima(&self) -> [Option<f64>; 2] {
         let mut found = [None; 2];
         let mut count = 0;

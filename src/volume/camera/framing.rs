@@ -137,11 +137,11 @@ impl Framing {
     /// front, and stays in the picture from every azimuth at the orbit's elevation.
     ///
     /// In view axes about the centre, a point at distance ρ from the long axis and height z is at
-    /// depth ρ cos θ cos e + z sin e towards the eye, ρ sin θ beside and z cos e - ρ cos θ sin e above,
-    /// θ being its azimuth against the eye's and e the elevation. An eye at distance d with half the
-    /// field of view φ sees it within the share c of the width when d >= depth + |beside| / (c a tan φ),
-    /// and of the height when d >= depth + |above| / (c tan φ); the largest over θ has a closed form.
-    /// From the front, c is the share that opposite sides cover together.
+    /// depth ρ cos θ cos e + z sin e towards the eye, ρ sin θ beside and z cos e - ρ cos θ sin e
+    /// above, θ being its azimuth against the eye's and e the elevation. An eye at distance d with
+    /// half the field of view φ sees it within the share c of the width when d >= depth + |beside|
+    /// / (c a tan φ), and of the height when d >= depth + |above| / (c tan φ); the largest over θ
+    /// has a closed form. From the front, c is the share that opposite sides cover together.
     #[must_use]
     pub fn radius_mm(&self, orbit: &Orbit, aspect: f64) -> f64 {
         let (rim, front) = match &self.shape {
@@ -184,7 +184,7 @@ fn mean([a, b]: [f64; 2]) -> f64 {
     (a + b) / 2.0
 }
 
-/// How far an eye has to be away, mm; of a parallel projection, half of the picture's height.
+/// The distance of an eye, mm; of a parallel projection, half of the picture's height.
 struct Lens {
     is_parallel: bool,
     sine: f64,

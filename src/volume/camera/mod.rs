@@ -158,7 +158,7 @@ impl Camera {
         Ok(Self { lens_shift, ..self })
     }
 
-    /// How far the middle of the picture is off the viewing axis: `[right, up]` in mm at 1 mm
+    /// The distance of the picture's middle from the viewing axis: `[right, up]` in mm at 1 mm
     /// before the eye.
     #[must_use]
     pub fn lens_shift(&self) -> [f64; 2] {
@@ -222,7 +222,7 @@ impl Camera {
         Self { eye: self.look_at + Vector::from_xyz(arm), ..*self }
     }
 
-    /// Where a patient position appears: pixel coordinates (u right, v down, centres at +0.5) and
+    /// The picture of a patient position: pixel coordinates (u right, v down, centres at +0.5) and
     /// view depth in mm.
     ///
     /// `None` behind the eye of a perspective camera.

@@ -9,7 +9,7 @@ use relief_base::{Point, Vector};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraFile {
-    /// Where the eye is.
+    /// The place of the eye.
     pub eye_mm: [f64; 3],
     /// The point in the middle of the picture.
     pub look_at_mm: [f64; 3],
@@ -20,7 +20,7 @@ pub struct CameraFile {
     /// default.
     #[serde(default)]
     pub projection: ProjectionFile,
-    /// Where the focal point lies in the picture; see [`Camera::with_lens_shift`].
+    /// The place of the focal point in the picture; see [`Camera::with_lens_shift`].
     #[serde(default, skip_serializing_if = "is_centred")]
     pub lens_shift: [f64; 2],
 }

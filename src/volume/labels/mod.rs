@@ -174,7 +174,7 @@ impl LabelMap {
         self.places.bytes()
     }
 
-    /// Where the voxels lie.
+    /// The grid of the voxels.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid

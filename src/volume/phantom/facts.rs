@@ -1,4 +1,4 @@
-//! Where a phantom's voxels lie, and its truth before the voxels are counted and hashed.
+//! The grid of a phantom, and its truth before the voxels are counted and hashed.
 //!
 //! Space: patient LPS, mm.
 

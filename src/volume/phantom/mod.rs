@@ -200,7 +200,7 @@ impl PhantomRecipe {
         Phantom { volume, truth }
     }
 
-    /// Where the voxels lie: around the patient origin, except for the head, whose origin is
+    /// The grid of the voxels: around the patient origin, except for the head, whose origin is
     /// between the ears.
     fn placement(&self) -> Placement {
         let n = self.size;

@@ -1,4 +1,4 @@
-//! Which frame of a view is rendered next: first a quick one, then one of full quality, while a
+//! The next frame of a view: first a quick one, then one of full quality, while a
 //! viewer has capacity.
 
 use std::sync::Arc;

@@ -50,7 +50,7 @@ impl Boundary {
 struct Definition {
     name: &'static str,
     on: Boundary,
-    /// Where the middle line starts, outside the tissue.
+    /// The start of the middle line, outside the tissue.
     from: [f32; 3],
     /// The direction of lines; need not be a unit vector.
     toward: [f32; 3],

@@ -103,7 +103,7 @@ impl<const N: usize> Curve<N> {
         &self.nodes
     }
 
-    /// Where the first and the last node are.
+    /// The places of the first and the last node.
     pub(super) fn ends(&self) -> [f64; 2] {
         [self.nodes[0].x, self.nodes[self.nodes.len() - 1].x]
     }
@@ -165,7 +165,7 @@ fn safe_midpoint(midpoint: f64) -> f64 {
     midpoint.clamp(0.00001, 0.99999)
 }
 
-/// How much of the way from `low` to `high_x` is done at `x`, with half of it at the midpoint.
+/// The share of the way from `low` to `high_x` that is done at `x`, with half of it at the midpoint.
 fn share<const N: usize>(low: &Node<N>, high_x: f64, x: f64) -> f64 {
     let (s, midpoint) = ((x - low.x) / (high_x - low.x), safe_midpoint(low.midpoint));
     if s < midpoint { 0.5 * s / midpoint } else { 0.5 + 0.5 * (s - midpoint) / (1.0 - midpoint) }

@@ -8,7 +8,7 @@ use super::curve::{Curve, TWIN_GAP, is_line};
 use super::space::ColorSpace;
 use crate::transfer::{ControlPoint, TransferFunction};
 
-/// How far off straight lines may be at the places looked at: a quarter of 1/255, while there is
+/// The largest error of straight lines at the examined places: a quarter of 1/255, while there is
 /// room for enough points. Elsewhere it is less than twice that.
 pub(super) const TOLERANCE: f64 = 1.0 / 1024.0;
 
