@@ -8,14 +8,14 @@ pub(super) struct LightArguments {
     /// Lights of modes composite, isosurface and path-traced: headlight, studio, side, above
     #[arg(long, value_name = "NAME", value_parser = parse_lights)]
     lights: Option<String>,
-    /// How much of the shadows of placed lights shows, 0 to 1; needs --lights, or lights in the
+    /// Strength of the shadows of placed lights, 0 to 1; needs --lights, or lights in the
     /// scene file
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     shadows: Option<f64>,
     /// Strength of ambient occlusion, 0 to 1: enclosed places receive less light
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     occlusion: Option<f64>,
-    /// How far away things take light away, with --occlusion
+    /// Distance up to which surroundings take light away, with --occlusion
     #[arg(long, value_name = "MM", requires = "occlusion", allow_negative_numbers = true)]
     occlusion_radius_mm: Option<f64>,
 }

@@ -64,7 +64,7 @@ struct ConvertArguments {
     /// presets.xml, .vp or .vp.json of 3D Slicer, or a colour map of VTK or ParaView in JSON
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Which function, where the file holds several
+    /// The function, where the file holds several
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Stretch the colours over this range of HU: for maps of 0 to 1

@@ -38,7 +38,7 @@ pub(super) struct PreviewArguments {
     frame: PathBuf,
     #[arg(long, value_name = "NAME", help = format!("{} [default: wiggle, or the quilt that the name of --out says]", layouts("The layout of the output", |layout| layout.view_count() > 0)))]
     layout: Option<Layout>,
-    /// Where the picture goes: .png
+    /// Output file: .png
     #[arg(long, value_name = "FILE", value_parser = parse_png)]
     out: PathBuf,
     /// Depth effect in place of the header's: 64 is 100 %

@@ -57,13 +57,13 @@ pub(super) struct RenderArguments {
     eye: EyeArguments,
     #[command(flatten)]
     adapter: AdapterArguments,
-    /// Where the picture goes: .png, .jpg or .exr
+    /// Output file: .png, .jpg or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_picture)]
     out: Output,
     /// File for the depth: .png or .exr
     #[arg(long, value_name = "FILE", value_parser = parse_depth)]
     depth_out: Option<Output>,
-    /// How long the picture may take to render: fewer rays, samples or passes, and enlarged, if it
+    /// Most time for rendering the picture: fewer rays, samples or passes, and enlarged, if it
     /// would take longer. Two very small pictures before it measure how fast this machine is
     #[arg(long, value_name = "MS")]
     budget_ms: Option<f64>,
@@ -74,10 +74,10 @@ pub(super) struct RenderArguments {
     /// Sets of annotations to draw; all that are not blinded where none is named
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "annotations")]
     set: Vec<String>,
-    /// Which views a layout of views has
+    /// The views of a layout of views
     #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
     views: views::ViewChoice,
-    /// How many views are rendered with --views interpolated or refined: a fifth of them where left out
+    /// Number of views that are rendered with --views interpolated or refined: a fifth of them where left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     key_views: Option<u16>,
     /// Print the result as one JSON object

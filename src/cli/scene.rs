@@ -29,7 +29,7 @@ pub(super) struct SceneArguments {
     /// path-traced (scattered light, see --passes), or slice (see --plane)
     #[arg(long, value_name = "MODE", value_parser = parse_mode)]
     mode: Option<Mode>,
-    /// Which values a sample of mode composite stands for: sampled, the one in its middle, or
+    /// Values that a sample of mode composite stands for: sampled, the one in its middle, or
     /// pre-integrated, all that its path passes: as close at twice the sample distance, and thin
     /// layers are not missed
     #[arg(long, value_name = "NAME", value_parser = parse_classification)]
@@ -44,7 +44,7 @@ pub(super) struct SceneArguments {
     /// Paths through each pixel in mode path-traced; noise falls with the square root
     #[arg(long, value_name = "N")]
     passes: Option<u32>,
-    /// How often light scatters at most on its way to the eye in mode path-traced: 1 to 64; shadows
+    /// Most scatterings of light on its way to the eye in mode path-traced: 1 to 64; shadows
     /// are brighter and softer with more [default: 1]
     #[arg(long, value_name = "N")]
     scatterings: Option<u32>,
@@ -92,10 +92,10 @@ pub(super) struct SceneArguments {
     /// out
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
-    /// Where from, about the long axis: 0 the front, 90 the patient's left, 180 the back
+    /// Direction of view about the long axis: 0 the front, 90 the patient's left, 180 the back
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     azimuth_deg: f64,
-    /// How far from above: 90 is from the head, -90 from the feet
+    /// Elevation of the view: 90 is from the head, -90 from the feet
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
     elevation_deg: f64,
     /// The part that zoom 1 fits to the picture: what is visible with the preset and clips, all tissue,

@@ -51,7 +51,7 @@ pub(super) struct SendArguments {
     /// archive
     #[arg(long, value_name = "PATH")]
     series: Option<PathBuf>,
-    /// Which series, where PATH holds several (`relief inspect PATH` lists them)
+    /// The series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID", requires = "series")]
     series_uid: Option<String>,
     /// Put all pictures into one object, as its frames: a turntable

@@ -29,7 +29,7 @@ pub(super) struct SliceArguments {
     /// Thickness of a slab around the plane; 0 is the plane only
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     slab_mm: Option<f64>,
-    /// Which of the slab's values is shown: mean, mip or minip
+    /// The value of the slab that is shown: mean, mip or minip
     #[arg(long, value_name = "BLEND", value_parser = parse_blend)]
     slab_blend: Option<SlabBlend>,
     /// Height of the slice's picture; the whole volume where left out

@@ -14,7 +14,7 @@ use relief_dicom::{Discovery, LoadLimits, Loaded, SeriesEntry, Strictness, Warni
 /// How to choose and load a series.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct SeriesOptions {
-    /// Which series, where PATH holds several (`relief inspect PATH` lists them)
+    /// The series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID")]
     pub(super) series_uid: Option<String>,
     /// Fail on any defective file instead of leaving it out with a warning

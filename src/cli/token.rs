@@ -41,7 +41,7 @@ enum TokenCommand {
         /// The rights of the holder
         #[arg(long, value_enum, default_value_t = ScopeArgument::View)]
         scope: ScopeArgument,
-        /// How long it is valid; for ever if left out
+        /// Lifetime; without it, the token is valid for ever
         #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u16).range(1..=3660))]
         days: Option<u16>,
     },

@@ -19,7 +19,7 @@ pub(super) struct TransferArguments {
     /// map of VTK or ParaView (JSON), or the "transfer" of a request
     #[arg(long, value_name = "FILE", conflicts_with_all = ["preset", "window_hu"])]
     transfer: Option<PathBuf>,
-    /// Which function, where the file of --transfer holds several
+    /// The function, where the file of --transfer holds several
     #[arg(long, value_name = "NAME", requires = "transfer")]
     transfer_name: Option<String>,
     /// Stretch the colours of --transfer over this range of HU: for maps of 0 to 1

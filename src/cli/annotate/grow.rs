@@ -25,7 +25,7 @@ Examples:
 pub(super) struct GrowArguments {
     #[command(flatten)]
     series: SeriesArguments,
-    /// Where it begins, patient LPS mm; may be given several times
+    /// Start of the region, patient LPS mm; may be given several times
     #[arg(long = "seed", value_name = "X,Y,Z", required = true, allow_hyphen_values = true, value_parser = parse_place)]
     seeds: Vec<Point<Patient>>,
     /// Smallest and largest value that is taken, HU

@@ -18,7 +18,7 @@ pub(super) struct SeriesArguments {
     /// .nii.gz or .nrrd; or the address of one in a bucket or a DICOM archive
     #[arg(long, value_name = "PATH")]
     series: Option<PathBuf>,
-    /// Which series, where PATH holds several (`relief inspect PATH` lists them)
+    /// The series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID", requires = "series")]
     series_uid: Option<String>,
     #[command(flatten)]

@@ -68,7 +68,7 @@ struct ListArguments {
 /// Print a template as JSON
 #[derive(Debug, clap::Args)]
 struct ShowArguments {
-    /// Which
+    /// Name of the template
     #[arg(value_name = "NAME")]
     name: String,
 }
@@ -76,7 +76,7 @@ struct ShowArguments {
 /// Add the missing items of a template to a set, without positions
 #[derive(Debug, clap::Args)]
 struct ApplyArguments {
-    /// Which
+    /// Name of the template
     #[arg(value_name = "NAME")]
     name: String,
     /// The set that gets the items
@@ -94,7 +94,7 @@ struct ApplyArguments {
 /// Count defined, missing and skipped items of a template
 #[derive(Debug, clap::Args)]
 struct StatusArguments {
-    /// Which
+    /// Name of the template
     #[arg(value_name = "NAME")]
     name: String,
     /// Of these sets; of all that it was applied to otherwise

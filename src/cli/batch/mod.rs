@@ -76,7 +76,7 @@ struct RunArguments {
     /// The manifest
     #[arg(long, value_name = "JOBS.jsonl")]
     manifest: PathBuf,
-    /// Where outputs go: a folder, or s3://BUCKET/PREFIX
+    /// Place of the outputs: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
     out: Location,
     #[command(flatten)]
@@ -111,7 +111,7 @@ struct ReportArguments {
     /// The manifest
     #[arg(long, value_name = "JOBS.jsonl")]
     manifest: PathBuf,
-    /// Where the outputs are, and the report goes: a folder, or s3://BUCKET/PREFIX
+    /// Place of the outputs and of the report: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
     out: Location,
     #[command(flatten)]

@@ -55,7 +55,7 @@ pub(crate) struct SubmitArguments {
 pub(crate) struct WorkArguments {
     #[command(flatten)]
     queue: QueueArguments,
-    /// Where outputs go: a folder, or s3://BUCKET/PREFIX
+    /// Place of the outputs: a folder, or s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
     out: Location,
     #[command(flatten)]
@@ -71,7 +71,7 @@ pub(crate) struct WorkArguments {
     /// worker says it for all
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=3600))]
     ack_wait: u32,
-    /// How often a job is begun before it is given up
+    /// Most starts of a job before it fails
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     tries: u32,
     /// Jobs to take at a time; those of one series lie side by side and share its volume

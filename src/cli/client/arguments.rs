@@ -276,7 +276,7 @@ pub(crate) struct WindowArguments {
     /// A window of the frame's size; the default without --fullscreen
     #[arg(long, conflicts_with = "headless")]
     pub(crate) windowed: bool,
-    /// Which monitor, from 0, from left to right
+    /// The monitor, from 0, from left to right
     #[arg(long, value_name = "N", conflicts_with = "headless")]
     pub(crate) monitor: Option<usize>,
     /// Views of a picture at rest, for layouts of views: true, which the server renders, or

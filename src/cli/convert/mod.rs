@@ -37,7 +37,7 @@ pub(super) struct ConvertArguments {
     /// A picture, a folder of pictures, or a film
     #[arg(value_name = "PICTURE|FOLDER|FILM")]
     source: PathBuf,
-    /// Where the frames go: a .png, a folder, or a film (.mkv, .mp4)
+    /// Output: a .png, a folder, or a film (.mkv, .mp4)
     #[arg(long, value_name = "PATH")]
     out: PathBuf,
     /// Estimate the depth by the built-in network

@@ -45,7 +45,7 @@ pub(crate) struct TrackExperimentArguments {
     /// Noise of a blob's coordinates before they are rounded, px
     #[arg(long, value_name = "PX", default_value_t = 0.5)]
     noise_px: f64,
-    /// How often each run is done: a run has 21 stops, which say an rms error to 15 %
+    /// Repeats of each run: a run has 21 stops, which say an rms error to 15 %
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
     /// Seed of all that is random

@@ -62,7 +62,7 @@ enum Action {
 
 #[derive(Debug, clap::Args)]
 struct FollowArguments {
-    /// Where reports come from: a recording (- is stdin), hidraw, /dev/hidrawN, or tcp://HOST:PORT,
+    /// Source of reports: a recording (- is stdin), hidraw, /dev/hidrawN, or tcp://HOST:PORT,
     /// which sends a recording
     #[arg(long, value_name = "SOURCE")]
     reports: Option<String>,

@@ -22,7 +22,7 @@ pub(crate) struct TrackViewsArguments {
     out: PathBuf,
     #[command(flatten)]
     scene: TrackSceneArguments,
-    /// How many
+    /// Number of views
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     count: u32,
     /// Round pixels to whole ones, as a Wiimote does

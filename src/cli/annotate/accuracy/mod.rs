@@ -50,10 +50,10 @@ pub(super) struct AccuracyArguments {
     /// From the beacon to the remote
     #[arg(long, value_name = "MM", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(500..=3000))]
     distance_mm: u32,
-    /// How often each landmark is placed
+    /// Number of placements of each landmark
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeats: u32,
-    /// How far snapping may move a landmark
+    /// Largest movement of a landmark by snapping
     #[arg(long, value_name = "MM", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=20))]
     radius_mm: u32,
     /// Peak acceleration of the hand's tremor, standard gravities
