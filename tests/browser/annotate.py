@@ -239,7 +239,7 @@ def files(page, server):
     page.key("v")
     path = FOLDER / "out.mrk.json"
     downloads = []
-    page.page.on("download", downloads.append)
+    page.page.on("download", lambda download: downloads.append(download))
 
     def export():
         page.page.dblclick("#export-button")  # opens one dialog, and saves one file
