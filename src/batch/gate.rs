@@ -44,6 +44,12 @@ impl MemoryBudget {
 }
 
 impl ReservedMemory<'_> {
+    /// Counts bytes that exist already, without waiting for room: later requests wait for them.
+    pub(super) fn grow(&mut self, bytes: u64) {
+        self.bytes += bytes;
+        *self.gate.lock() += bytes;
+    }
+
     /// Releases bytes that were not needed.
     pub(super) fn shrink(&mut self, bytes: u64) {
         let spare = self.bytes.saturating_sub(bytes);
@@ -66,7 +72,9 @@ mod tests {
     #[test]
     fn bytes_beyond_the_limit_wait_for_those_held() {
         let gate = MemoryBudget::new(100);
-        let first = gate.hold(70);
+        let mut first = gate.hold(70);
+        first.grow(50); // beyond the limit, without waiting
+        first.shrink(70);
         let mut second = gate.hold(30);
         second.shrink(10);
         std::thread::scope(|scope| {

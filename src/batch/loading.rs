@@ -56,8 +56,8 @@ impl Last<'_> {
     }
 }
 
-/// Loads the series of each group, until the receiver ends. What rendering would do first is done here,
-/// while another series is rendered: scenes are resolved, and the volume is prepared.
+/// Loads the series of each group, until the receiver ends. What rendering would do first is done
+/// here, while another series is rendered: scenes are resolved, and the volume is prepared.
 pub(super) fn load_all<'a, J: Borrow<Job>>(
     groups: impl Iterator<Item = Vec<J>>,
     loading: &Loading<'a, '_>,
@@ -65,15 +65,21 @@ pub(super) fn load_all<'a, J: Borrow<Job>>(
 ) {
     let mut last: Option<Last<'a>> = None;
     for group in groups {
-        let Some(wanted) = group.first().map(|job| job.borrow().series.clone()) else { continue };
-        if !last.as_ref().is_some_and(|last| last.holds_for(&wanted)) {
+        let Some(wanted) = group.first().map(|job| &job.borrow().series) else { continue };
+        let mut prepared = None;
+        if !last.as_ref().is_some_and(|last| last.holds_for(wanted)) {
             // The bytes of the last series are released first: the next one may need them.
-            last = None;
+            drop(last.take());
         }
-        let is_new = last.is_none();
-        let Last { series, .. } = last.get_or_insert_with(|| loading.load(wanted));
+        let Last { series, .. } = last.get_or_insert_with(|| {
+            let series = loading.load(wanted, &group).map(|(loaded, volume)| {
+                prepared = volume;
+                Arc::new(loaded)
+            });
+            Last { source: wanted.clone(), series, at: Instant::now() }
+        });
         let series = match series {
-            Ok(series) => Ok(loading.prepare(series, group, is_new)),
+            Ok(series) => Ok(with_scenes(series, prepared, group)),
             Err(error) => Err((group, error.clone())),
         };
         if loaded.send(series).is_err() {
@@ -83,35 +89,41 @@ pub(super) fn load_all<'a, J: Borrow<Job>>(
 }
 
 impl<'a> Loading<'a, '_> {
-    fn load(&self, wanted: SeriesSource) -> Last<'a> {
+    /// A series, and its volume as the first of these jobs shows it.
+    fn load<J: Borrow<Job>>(
+        &self,
+        wanted: &SeriesSource,
+        jobs: &[J],
+    ) -> Result<(BudgetedVolume<'a>, Option<PreparedVolume>), SeriesError> {
         let started = Instant::now();
-        let series = wanted.load(self.gate, self.copies).map(Arc::new);
-        // The renderer needs the hash.
-        let _ = series.as_ref().map(|loaded| loaded.volume.content_hash());
+        let loaded = wanted.load(self.gate, self.copies).map(|mut loaded| {
+            // The renderer needs the hash.
+            let _ = loaded.volume.content_hash();
+            let scene = jobs.iter().find_map(|job| scene_of(&loaded, job.borrow()).ok());
+            let prepared =
+                scene.and_then(|scene| PreparedVolume::new(&loaded.volume, &scene.request, &self.limits));
+            loaded.count_copy();
+            (loaded, prepared)
+        });
         self.shared.change(|summary| {
-            summary.loaded += usize::from(series.is_ok());
+            summary.loaded += usize::from(loaded.is_ok());
             summary.seconds.loading += started.elapsed().as_secs_f64();
         });
-        Last { source: wanted, series, at: Instant::now() }
+        loaded
     }
+}
 
-    /// Resolves the scenes of jobs, and prepares the volume that the first of them shows if it is new.
-    fn prepare<J: Borrow<Job>>(
-        &self,
-        loaded: &Arc<BudgetedVolume<'a>>,
-        jobs: Vec<J>,
-        is_new: bool,
-    ) -> LoadedSeries<'a, J> {
-        let with_scene = |job: J| {
-            let scene = scene_of(loaded, job.borrow());
-            (job, scene)
-        };
-        let jobs: Vec<_> = jobs.into_iter().map(with_scene).collect();
-        let first = jobs.iter().find_map(|(_, scene)| scene.as_ref().ok()).filter(|_| is_new);
-        let prepared =
-            first.and_then(|scene| PreparedVolume::new(&loaded.volume, &scene.request, &self.limits));
-        LoadedSeries { loaded: Arc::clone(loaded), prepared, jobs }
-    }
+/// A series with the scenes of jobs on it.
+fn with_scenes<'a, J: Borrow<Job>>(
+    loaded: &Arc<BudgetedVolume<'a>>,
+    prepared: Option<PreparedVolume>,
+    jobs: Vec<J>,
+) -> LoadedSeries<'a, J> {
+    let with_scene = |job: J| {
+        let scene = scene_of(loaded, job.borrow());
+        (job, scene)
+    };
+    LoadedSeries { loaded: Arc::clone(loaded), prepared, jobs: jobs.into_iter().map(with_scene).collect() }
 }
 
 /// The scene of a job on its series.

@@ -57,6 +57,15 @@ pub(super) struct BudgetedVolume<'a> {
     held: ReservedMemory<'a>,
 }
 
+impl BudgetedVolume<'_> {
+    /// Counts the voxels of the volume without its table, once they have been made.
+    pub(super) fn count_copy(&mut self) {
+        if self.volume.has_copy_without_table() {
+            self.held.grow(size_of_val(self.volume.voxels_hu()) as u64);
+        }
+    }
+}
+
 impl SeriesSource {
     /// Loads the series within the limit of the gate, when memory is free; from a bucket through a
     /// copy. Errors are shown to others, so they name no file: folders may be named after patients.

@@ -180,6 +180,12 @@ impl Volume {
         removed.as_ref().unwrap_or(self)
     }
 
+    /// Whether [`Volume::without_table`] was made, and has voxels of its own.
+    #[must_use]
+    pub fn has_copy_without_table(&self) -> bool {
+        self.derived.without_table.get().is_some_and(Option::is_some)
+    }
+
     /// The distribution of its values, in coarse cells; computed once, then remembered by all clones.
     #[must_use]
     pub fn occupancy(&self) -> &Arc<Occupancy> {
