@@ -41,7 +41,7 @@ pub struct Summary {
 pub struct Seconds {
     /// Checking which jobs are done.
     pub looking: f64,
-    /// Reading series.
+    /// Reading series, and preparing their volumes.
     pub loading: f64,
     /// The renderer had no series yet.
     pub waiting_for_series: f64,

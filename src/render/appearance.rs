@@ -162,3 +162,27 @@ impl VisibleBricks {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bricks_are_adopted_for_their_own_volume_and_plan_alone() {
+        let grid = Grid::axis_aligned([8, 8, 8], [1.0; 3], [0.0; 3]).unwrap();
+        let volume = |hu: i16| Volume::new(grid.clone(), vec![hu; 512]).unwrap();
+        let (own, other) = (volume(7), volume(8));
+        let plan = VolumeLimits::of_processor().plan([8, 8, 8]).unwrap();
+        let prepared = || PreparedVolume {
+            volume: own.content_hash(),
+            edges: plan.brick_edges(),
+            bricks: VolumeBricks::new(&own, &plan),
+        };
+        let bricks = prepared().bricks_of(own.content_hash(), &plan).unwrap();
+        assert_eq!(bricks.coarse.ranges_hu(), VolumeBricks::new(&own, &plan).coarse.ranges_hu());
+        assert!(prepared().bricks_of(other.content_hash(), &plan).is_none());
+        for plan in [VolumePlan { brick_edge: 8, ..plan }, VolumePlan { fine_brick_edge: 2, ..plan }] {
+            assert!(prepared().bricks_of(own.content_hash(), &plan).is_none(), "{plan:?}");
+        }
+    }
+}
