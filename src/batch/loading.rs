@@ -131,11 +131,15 @@ fn scene_of(loaded: &BudgetedVolume<'_>, job: &Job) -> Result<Scene, SeriesError
     let permanent = |error: SceneError| SeriesError::permanent(&error);
     let subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
     let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
-    let scene = file.resolve_for(&subject, &job.orbit).map_err(permanent)?;
+    let mut scene = file.resolve_for(&subject, &job.orbit).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
     if job.products.iter().any(|product| product.is_frame()) {
         scene.expect_size_of_layout().map_err(permanent)?;
     }
+    let request = &mut scene.request;
+    // Overlays are drawn in depth.
+    request.needs_depth =
+        !request.overlays.is_empty() || job.products.iter().any(|product| product.needs_depth());
     Ok(scene)
 }
 

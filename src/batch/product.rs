@@ -93,6 +93,12 @@ impl Product {
         matches!(self, Self::Annotated | Self::AnnotatedFrame | Self::Labels | Self::AnnotatedCapture)
     }
 
+    /// Whether the picture's depth, or what is drawn in it, is part of it.
+    #[must_use]
+    pub const fn needs_depth(self) -> bool {
+        !matches!(self, Self::Color | Self::Capture)
+    }
+
     /// Whether it is a DICOM object, which an archive can store.
     #[must_use]
     pub const fn is_object(self) -> bool {

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use data_encoding::BASE64;
-use image::RgbaImage;
+use image::RgbImage;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::{FilmWriter, turntable_capture};
-use crate::picture::open;
+use crate::picture::{open, shrunk};
 use relief_display::encode_png;
 use relief_session::{Thumbnail, contact_sheet};
 
@@ -70,7 +70,7 @@ fn report_series(
     out: &Sink,
     films: &FilmWriter,
 ) -> std::io::Result<Vec<ReportedJob>> {
-    let small: Vec<Option<RgbaImage>> = done.par_iter().map(|(job, _)| small_picture(job, out)).collect();
+    let small: Vec<Option<RgbImage>> = done.par_iter().map(|(job, _)| small_picture(job, out)).collect();
     let records = done.into_iter().map(|(_, record)| record);
     let jpegs = small.iter().map(|small| small.as_ref().and_then(jpeg));
     let shown: Vec<_> = records.zip(jpegs).map(|(record, jpeg)| ReportedJob { record, jpeg }).collect();
@@ -96,7 +96,7 @@ fn turns(series: &str, shown: &[ReportedJob], product: Product) -> Vec<String> {
 }
 
 /// The colour of a job, made small, with annotations where it has them; of a frame its left half.
-fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
+fn small_picture(job: &Job, out: &Sink) -> Option<RgbImage> {
     let known = [Product::Annotated, Product::Color, Product::AnnotatedFrame, Product::Frame];
     let product = known.into_iter().find(|wanted| job.products.contains(wanted))?;
     let mut picture = open(out, &format!("{}.{}", job.name(), product.ending()))?;
@@ -104,18 +104,21 @@ fn small_picture(job: &Job, out: &Sink) -> Option<RgbaImage> {
         picture = picture.crop_imm(0, 0, picture.width() / 2, picture.height());
     }
     let (width, height) = (picture.width(), picture.height());
+    if width == 0 {
+        return None;
+    }
     // Side-by-side frames with black lines between have half the rows twice as far apart.
-    let wanted = u64::from(THUMBNAIL_PX) * u64::from(height) / u64::from(width.max(1));
+    let wanted = u64::from(THUMBNAIL_PX) * u64::from(height) / u64::from(width);
     let height = u32::try_from(wanted).unwrap_or(1).clamp(1, 4 * THUMBNAIL_PX);
-    Some(picture.thumbnail_exact(THUMBNAIL_PX, height).into_rgba8())
+    Some(shrunk(&picture.into_rgb8(), [THUMBNAIL_PX, height]))
 }
 
 /// All views of a series in one picture; those of another shape than the first are left out.
-fn sheet(shown: &[ReportedJob], small: &[Option<RgbaImage>]) -> Option<Vec<u8>> {
-    let (width, height) = small.iter().flatten().next().map(RgbaImage::dimensions)?;
-    let pixels = |small: &Option<RgbaImage>| -> Option<Vec<[u8; 4]>> {
+fn sheet(shown: &[ReportedJob], small: &[Option<RgbImage>]) -> Option<Vec<u8>> {
+    let (width, height) = small.iter().flatten().next().map(RgbImage::dimensions)?;
+    let pixels = |small: &Option<RgbImage>| -> Option<Vec<[u8; 4]>> {
         let small = small.as_ref().filter(|small| small.dimensions() == (width, height))?;
-        Some(small.pixels().map(|pixel| pixel.0).collect())
+        Some(rgba(small))
     };
     let pictures =
         shown.iter().zip(small).filter_map(|(one, small)| Some((&one.record.view, pixels(small)?)));
@@ -211,9 +214,12 @@ fn figure(ReportedJob { record, jpeg }: &ReportedJob) -> Markup {
     }
 }
 
-fn jpeg(small: &RgbaImage) -> Option<Vec<u8>> {
-    let pixels: Vec<[u8; 4]> = small.pixels().map(|pixel| pixel.0).collect();
-    relief_display::encode_jpeg([small.width(), small.height()], &pixels, 80).ok()
+fn jpeg(small: &RgbImage) -> Option<Vec<u8>> {
+    relief_display::encode_jpeg([small.width(), small.height()], &rgba(small), 80).ok()
+}
+
+fn rgba(small: &RgbImage) -> Vec<[u8; 4]> {
+    small.pixels().map(|image::Rgb([red, green, blue])| [*red, *green, *blue, u8::MAX]).collect()
 }
 
 fn timings(series: &BTreeMap<&str, Vec<ReportedJob>>) -> String {

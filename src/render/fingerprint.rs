@@ -94,6 +94,7 @@ impl FingerprintBytes {
             slab_mm,
             letters,
             depth,
+            needs_depth,
             clip,
             table,
             labels,
@@ -144,17 +145,20 @@ impl FingerprintBytes {
         self.side(*scatterings);
         self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
-        self.unusual(*detail, blocks.as_deref());
+        self.unusual(*detail, blocks.as_deref(), *needs_depth);
     }
 
     /// Last, and only where they are not the usual ones: names of other pictures stay.
-    fn unusual(&mut self, detail: Detail, blocks: Option<&ChosenBlocks>) {
+    fn unusual(&mut self, detail: Detail, blocks: Option<&ChosenBlocks>, needs_depth: bool) {
         if detail == Detail::Coarse {
             self.text("coarse");
         }
         if let Some(blocks) = blocks {
             self.text("blocks");
             self.list(blocks.flags(), |form, flag| form.flag(*flag));
+        }
+        if !needs_depth {
+            self.text("without depth");
         }
     }
 

@@ -127,6 +127,10 @@ pub struct RenderRequest {
     pub letters: bool,
     /// The rule of depth.
     pub depth: DepthRule,
+    /// Whether the depths of the picture are used. Where they are not, the processor's ray caster
+    /// does not search for depths between samples: in mode composite they are those of the first
+    /// visible samples, but under rule `two-layer`. Colours are the same.
+    pub needs_depth: bool,
     /// The part that is shown.
     pub clip: Clip,
     /// Whether the table is shown.
@@ -185,6 +189,11 @@ impl RenderRequest {
     #[must_use]
     pub fn has_back_layer(&self) -> bool {
         matches!(self.mode, Mode::Composite | Mode::PathTraced) && self.depth.has_back_layer()
+    }
+
+    /// Whether depths follow the rule.
+    pub(super) fn applies_depth_rule(&self) -> bool {
+        self.needs_depth || self.has_back_layer()
     }
 
     /// Whether rays are lit by more than the headlight: by placed lights, or with occlusion.

@@ -201,6 +201,32 @@ fn every_level_and_skipping_give_the_same_bytes() {
     }
 }
 
+/// Invariant: A picture whose depth is not used has the colours of one whose depth is.
+#[test]
+fn colours_do_not_depend_on_the_use_of_depth() {
+    let volume = head();
+    let mut renderer = Renderer::on_processor();
+    for (what, request) in requests(&volume) {
+        let usual = cast(&mut renderer, &volume, &request);
+        let request = RenderRequest { needs_depth: false, ..request };
+        let colours = cast(&mut renderer, &volume, &request);
+        assert!(usual.color_rgba == colours.color_rgba, "{what}");
+        let depths = usual.depth_mm.iter().zip(&colours.depth_mm);
+        let (mut apart, mut deepest_mm) = (0, 0.0f32);
+        for (usual, depth) in depths {
+            assert_eq!(usual.is_finite(), depth.is_finite(), "{what}");
+            apart += usize::from(usual != depth && usual.is_finite());
+            // The first visible sample is at most a sample behind the place where opacity leaves zero.
+            if usual.is_finite() {
+                deepest_mm = deepest_mm.max(depth - usual);
+            }
+        }
+        let follows = request.mode != Mode::Composite || matches!(request.depth, DepthRule::TwoLayer { .. });
+        assert_eq!(apart == 0, follows, "{what}: {apart} depths differ");
+        assert!(f64::from(deepest_mm) <= request.sample_distance_mm, "{what}: {deepest_mm} mm deeper");
+    }
+}
+
 #[test]
 fn a_picture_is_cancelled_between_bands() {
     let volume = head();

@@ -101,8 +101,8 @@ impl<L: Lanes> Scene<'_, L> {
             )
         };
         let hits = chosen & self.number(VISIBLE).le(sum.opacity);
-        let mut t = self.number(0.0);
-        if hits.any() {
+        let mut t = self.view.sample_t(rays, sum.first);
+        if hits.any() && self.request.applies_depth_rule() {
             t = self.lanes.apart(
                 #[inline(always)]
                 || self.depth_by_rule(rule, rays, walk, &sum, hits),

@@ -405,6 +405,7 @@ impl SceneFile {
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
+            needs_depth: true,
             clip: clip.resolve()?,
             table: self.table.unwrap_or_default(),
             blocks: None,
