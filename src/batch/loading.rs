@@ -12,7 +12,7 @@ use super::gate::MemoryBudget;
 use super::manifest::Job;
 use super::run_state::RunState;
 use super::source::{BudgetedVolume, SeriesSource};
-use relief_render::{PreparedVolume, Scene, SceneError, SceneFile, Subject, VolumeLimits};
+use relief_render::{Preparation, PreparedVolume, Scene, SceneError, SceneFile, Subject};
 
 /// The time for which a permanent failure of a series holds: it may be mended while a worker runs.
 const BROKEN_FOR: Duration = Duration::from_secs(10);
@@ -32,8 +32,8 @@ pub(super) type Series<'a, J> = Result<LoadedSeries<'a, J>, (Vec<J>, SeriesError
 pub(super) struct Loading<'a, 'r> {
     pub(super) copies: &'r Copies,
     pub(super) gate: &'a MemoryBudget,
-    /// Those of the renderer.
-    pub(super) limits: VolumeLimits,
+    /// For the renderer.
+    pub(super) preparation: Preparation,
     pub(super) shared: &'r RunState<'r>,
 }
 
@@ -100,8 +100,7 @@ impl<'a> Loading<'a, '_> {
             // The renderer needs the hash.
             let _ = loaded.volume.content_hash();
             let scene = jobs.iter().find_map(|job| scene_of(&loaded, job.borrow()).ok());
-            let prepared =
-                scene.and_then(|scene| PreparedVolume::new(&loaded.volume, &scene.request, &self.limits));
+            let prepared = scene.and_then(|scene| self.preparation.of(&loaded.volume, &scene.request));
             loaded.count_copy();
             (loaded, prepared)
         });
@@ -176,8 +175,8 @@ mod tests {
         let copies = Copies::new(CopiesOptions::default());
         let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
         let shared = RunState::new(&sink, &|_| ());
-        let limits = relief_render::Renderer::on_processor().volume_limits();
-        let loading = Loading { copies: &copies, gate: &gate, limits, shared: &shared };
+        let preparation = relief_render::Renderer::on_processor().preparation();
+        let loading = Loading { copies: &copies, gate: &gate, preparation, shared: &shared };
         let (send, series) = sync_channel(3);
         load_all(groups, &loading, &send);
         drop(send);

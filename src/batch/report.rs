@@ -15,8 +15,8 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::{FilmWriter, turntable_capture};
-use crate::picture::{open, shrunk};
-use relief_display::encode_png;
+use crate::picture::open;
+use relief_display::{encode_png, shrunk_rgb};
 use relief_session::{Thumbnail, contact_sheet};
 
 /// Width of a thumbnail; the height follows.
@@ -104,13 +104,15 @@ fn small_picture(job: &Job, out: &Sink) -> Option<RgbImage> {
         picture = picture.crop_imm(0, 0, picture.width() / 2, picture.height());
     }
     let (width, height) = (picture.width(), picture.height());
-    if width == 0 {
+    if width == 0 || height == 0 {
         return None;
     }
     // Side-by-side frames with black lines between have half the rows twice as far apart.
     let wanted = u64::from(THUMBNAIL_PX) * u64::from(height) / u64::from(width);
-    let height = u32::try_from(wanted).unwrap_or(1).clamp(1, 4 * THUMBNAIL_PX);
-    Some(shrunk(&picture.into_rgb8(), [THUMBNAIL_PX, height]))
+    let small_height = u32::try_from(wanted).unwrap_or(1).clamp(1, 4 * THUMBNAIL_PX);
+    let [from, to] =
+        [[width, height], [THUMBNAIL_PX, small_height]].map(|size| size.map(|side| side as usize));
+    RgbImage::from_raw(THUMBNAIL_PX, small_height, shrunk_rgb(from, &picture.into_rgb8(), to))
 }
 
 /// All views of a series in one picture; those of another shape than the first are left out.

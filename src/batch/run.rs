@@ -101,9 +101,9 @@ pub(super) fn render_groups<J: Borrow<Job> + Send>(
     let (loaded, series) = sync_channel(0);
     let (finished, pictures) = sync_channel(WRITES_WAITING);
     let pictures = &Mutex::new(pictures);
-    let limits = renderer.volume_limits();
+    let preparation = renderer.preparation();
     std::thread::scope(|scope| {
-        scope.spawn(move || load_all(groups, &Loading { copies, gate, limits, shared }, &loaded));
+        scope.spawn(move || load_all(groups, &Loading { copies, gate, preparation, shared }, &loaded));
         for _ in 0..writers {
             scope.spawn(move || write_all::<J>(pictures, shared));
         }

@@ -22,6 +22,7 @@ mod problem;
 mod profile;
 mod screen_plane;
 mod settings;
+mod shrink;
 mod views;
 
 pub use crate::layout::error::LayoutError;
@@ -46,6 +47,7 @@ pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use screen_plane::ScreenPlane;
 pub use settings::{DisplaySettings, ProfileSetting, SettingsError, VIEW_SPANS};
+pub use shrink::shrunk_rgb;
 pub use views::{
     Arrangement, Axis, KeyView, LensPanel, MAX_VIEWS, PanelError, Parallax, ProcessorViews, QuiltName,
     Subpixels, Synthesize, TrueViews, Turns, ViewCount, ViewGrid, Views, anaglyph, check_layers, eyes,

@@ -11,7 +11,7 @@ use super::mode::Mode;
 use super::request::RenderRequest;
 use super::surface::Surface;
 use super::tables::{TableSet, Tables};
-use super::volume_plan::{VolumeLimits, VolumePlan};
+use super::volume_plan::VolumePlan;
 use relief_base::{Patient, Point, Voxel};
 use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Grid, TransferFunction, Volume};
 
@@ -97,24 +97,18 @@ impl VolumeBricks {
     }
 }
 
-/// A volume as a renderer needs it before the first ray, made on another thread while the renderer
-/// draws; see [`super::Renderer::adopt`].
-pub struct PreparedVolume {
+/// The bricks of a volume, ready before a renderer needs them.
+pub(super) struct PreparedBricks {
     volume: ContentHash,
     /// Edges of its bricks.
     edges: [usize; 2],
-    bricks: VolumeBricks,
+    pub(super) bricks: VolumeBricks,
 }
 
-impl PreparedVolume {
-    /// Prepares the volume that a request shows, for a renderer with these limits; `None` where they
-    /// do not allow it.
-    #[must_use]
-    pub fn new(volume: &Volume, request: &RenderRequest, limits: &VolumeLimits) -> Option<Self> {
-        let volume = request.shown(volume);
-        let plan = limits.plan(volume.grid().dims()).ok()?;
-        let bricks = VolumeBricks::new(volume, &plan);
-        Some(Self { volume: volume.content_hash(), edges: plan.brick_edges(), bricks })
+impl PreparedBricks {
+    pub(super) fn new(volume: &Volume, plan: &VolumePlan) -> Self {
+        let bricks = VolumeBricks::new(volume, plan);
+        Self { volume: volume.content_hash(), edges: plan.brick_edges(), bricks }
     }
 
     /// The bricks, if they are those of a volume as planned.
@@ -166,6 +160,7 @@ impl VisibleBricks {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::volume_plan::VolumeLimits;
 
     #[test]
     fn bricks_are_adopted_for_their_own_volume_and_plan_alone() {
@@ -173,11 +168,7 @@ mod tests {
         let volume = |hu: i16| Volume::new(grid.clone(), vec![hu; 512]).unwrap();
         let (own, other) = (volume(7), volume(8));
         let plan = VolumeLimits::of_processor().plan([8, 8, 8]).unwrap();
-        let prepared = || PreparedVolume {
-            volume: own.content_hash(),
-            edges: plan.brick_edges(),
-            bricks: VolumeBricks::new(&own, &plan),
-        };
+        let prepared = || PreparedBricks::new(&own, &plan);
         let bricks = prepared().bricks_of(own.content_hash(), &plan).unwrap();
         assert_eq!(bricks.coarse.ranges_hu(), VolumeBricks::new(&own, &plan).coarse.ranges_hu());
         assert!(prepared().bricks_of(other.content_hash(), &plan).is_none());

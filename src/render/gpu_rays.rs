@@ -20,7 +20,7 @@ use super::target::{CastKey, CastOptions, Target, Unfinished, background, layers
 use super::uniform::FrameUniform;
 use super::volume_plan::VolumeLimits;
 use super::watch::Watch;
-use crate::appearance::PreparedVolume;
+use crate::appearance::PreparedBricks;
 use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::limits::depth_limits;
 use crate::texture::VoxelFormat;
@@ -101,8 +101,8 @@ impl GpuRays {
     }
 
     /// Takes over a volume that another thread has prepared.
-    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
-        self.store.adopted = Some(prepared);
+    pub(super) fn adopt(&mut self, bricks: PreparedBricks) {
+        self.store.adopted = Some(bricks);
     }
 
     /// The cached data on the adapter.

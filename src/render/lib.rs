@@ -55,6 +55,7 @@ mod mode;
 mod overlay;
 mod pathtrace;
 mod pipelines;
+mod preparation;
 mod processor;
 mod quality;
 mod refine;
@@ -82,7 +83,6 @@ mod watch;
 
 pub use crate::request_error::RequestError;
 pub use crate::volume_plan::{VolumeLimits, VolumePlan};
-pub use appearance::PreparedVolume;
 pub use chosen::{BLOCK_PX, ChosenBlocks};
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
@@ -102,6 +102,7 @@ pub use overlay::{
 };
 pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use pathtrace::PathTrace;
+pub use preparation::{Preparation, PreparedVolume};
 pub use processor::{left_by_processor, render_reference};
 pub use quality::Quality;
 pub use refine::Refinement;

@@ -9,6 +9,7 @@ use super::frame::RenderedFrame;
 use super::gpu_rays::GpuRays;
 use super::letters;
 use super::overlay::Drawing;
+use super::preparation::{Preparation, PreparedVolume};
 use super::processor::{Processor, left_by_processor};
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
@@ -16,7 +17,6 @@ use super::store::MemoryUse;
 use super::table_mark;
 use super::volume_plan::VolumeLimits;
 use super::watch::{Progress, Watch};
-use crate::appearance::PreparedVolume;
 use crate::gpu::{AdapterChoice, AdapterDescription, Gpu, GpuError, StallError, adapters, has_card};
 use relief_lanes::Level;
 use relief_volume::{ContentHash, Volume};
@@ -333,12 +333,18 @@ impl Renderer {
 
     /// Takes over a volume that another thread has prepared, for its first picture. It holds until
     /// another one is prepared or adopted.
-    pub fn adopt(&mut self, prepared: PreparedVolume) {
+    pub fn adopt(&mut self, PreparedVolume { bricks, appearance }: PreparedVolume) {
         match (&mut self.processor, &mut self.gpu) {
-            (Some(processor), _) => processor.adopt(prepared),
-            (None, Some(gpu)) => gpu.adopt(prepared),
+            (Some(processor), _) => processor.adopt(bricks, appearance),
+            (None, Some(gpu)) => gpu.adopt(bricks),
             (None, None) => {}
         }
+    }
+
+    /// Prepares volumes for this renderer on another thread.
+    #[must_use]
+    pub fn preparation(&self) -> Preparation {
+        Preparation { limits: self.volume_limits(), on_processor: self.processor.is_some() }
     }
 
     /// Frees all that is cached, after there was too little memory for a picture.

@@ -10,7 +10,7 @@ use super::error::RenderError;
 use super::label_maps::LabelMaps;
 use super::request::RenderRequest;
 use super::upload::{Appearance, VolumeOnGpu};
-use crate::appearance::PreparedVolume;
+use crate::appearance::PreparedBricks;
 use crate::gpu::Gpu;
 use crate::request_error::RequestError;
 use crate::texture::VoxelFormat;
@@ -54,7 +54,7 @@ pub(super) struct Store {
     format: VoxelFormat,
     volumes: Vec<VolumeOnGpu>,
     /// The next volume.
-    pub(super) adopted: Option<PreparedVolume>,
+    pub(super) adopted: Option<PreparedBricks>,
     label_maps: LabelMaps,
     appearances: Vec<Appearance>,
     uploads: u64,

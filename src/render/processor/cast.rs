@@ -17,7 +17,7 @@ use super::super::watch::Watch;
 use super::deal::deal;
 use super::illuminate::FillLayer;
 use super::light_cells::LightCells;
-use super::prepared::{Cache, Looks, Prepared};
+use super::prepared::{Cache, Looks, PreparedAppearance};
 use super::scene::Job;
 use super::tiles::{LayerMut, Rows};
 use crate::illumination::{Cells, LightQuantity};
@@ -133,7 +133,7 @@ impl Order<'_> {
             EmptySpaceSkipping::On => Region::of(request, volume.grid(), &prepared.bricks),
         };
         let Picture { front, back, rows, .. } = &mut picture;
-        let Prepared { looks, map, .. } = prepared;
+        let PreparedAppearance { looks, map, .. } = prepared;
         let job = Job { volume, request, looks, map, cells: &cells, skipping };
         let width = request.size_px[0] as usize;
         let pace = self.bands.duration.unwrap_or(Duration::MAX);
@@ -204,7 +204,11 @@ impl Order<'_> {
         Ok((all, is_filled))
     }
 
-    fn fill(self, prepared: &Prepared, quantity: &LightQuantity) -> Result<LightCells, RenderError> {
+    fn fill(
+        self,
+        prepared: &PreparedAppearance,
+        quantity: &LightQuantity,
+    ) -> Result<LightCells, RenderError> {
         let Self { volume, request, .. } = self;
         let cells = Cells::of(volume.grid());
         let steady = quantity.steady_request(request, volume.grid(), &cells)?;

@@ -53,7 +53,7 @@ mod walk;
 
 use relief_lanes::Level;
 
-use super::appearance::PreparedVolume;
+use super::appearance::PreparedBricks;
 use super::bands::Bands;
 use super::detail::Detail;
 use super::error::RenderError;
@@ -69,6 +69,7 @@ use super::watch::Watch;
 use crate::gpu::{AdapterDescription, AdapterKind};
 use cast::{Order, Unfinished, Width};
 use prepared::Cache;
+pub(super) use prepared::PreparedAppearance;
 pub use reference::render_reference;
 use relief_volume::{ContentHash, Volume};
 
@@ -147,8 +148,8 @@ impl Processor {
     }
 
     /// Takes over a volume that another thread has prepared.
-    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
-        self.cache.adopt(prepared);
+    pub(super) fn adopt(&mut self, bricks: PreparedBricks, appearance: Option<PreparedAppearance>) {
+        self.cache.adopt(bricks, appearance);
     }
 
     /// Drops a volume and its appearances from the cache.

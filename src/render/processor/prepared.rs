@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::super::appearance::{AppearanceKey, PreparedVolume, VisibleBricks, VolumeBricks};
+use super::super::appearance::{AppearanceKey, PreparedBricks, VisibleBricks, VolumeBricks};
 use super::super::request::RenderRequest;
 use super::super::store::MemoryUse;
 use super::super::tables::Tables;
@@ -35,7 +35,7 @@ pub(super) struct Looks {
 }
 
 /// The looks of an appearance, and the empty space of a volume under it.
-pub(super) struct Prepared {
+pub(crate) struct PreparedAppearance {
     key: AppearanceKey,
     pub(super) looks: Looks,
     pub(super) map: DistanceMap,
@@ -59,10 +59,10 @@ struct Filling {
 #[derive(Default)]
 pub(super) struct Cache {
     volumes: Vec<(ContentHash, VolumeBricks)>,
-    /// The next volume.
-    adopted: Option<PreparedVolume>,
+    /// The next volume, and an appearance of it.
+    adopted: Option<(PreparedBricks, Option<PreparedAppearance>)>,
     labels: Vec<Segmented>,
-    appearances: Vec<Prepared>,
+    appearances: Vec<PreparedAppearance>,
     fillings: Vec<Filling>,
     /// Coarse forms of volumes, which moving pictures show.
     coarse: Vec<(ContentHash, Volume)>,
@@ -89,6 +89,23 @@ impl Looks {
     }
 }
 
+impl PreparedAppearance {
+    /// The appearance of a request on a volume with these bricks. `segments` is what occurs in the
+    /// bricks of the request's label map, if it has one.
+    pub(crate) fn new(
+        volume: &Volume,
+        bricks: &VolumeBricks,
+        segments: Option<&BrickLabels>,
+        request: &RenderRequest,
+    ) -> Self {
+        let tables = Tables::new(request);
+        let map = bricks.distance_map(segments, request, &tables, f32::from);
+        let bricks = VisibleBricks::new(&map, request);
+        let looks = Looks::of_tables(tables, request, volume, map.edge);
+        Self { key: AppearanceKey::new(volume.content_hash(), request), looks, map, bricks }
+    }
+}
+
 impl Cache {
     /// Prepares a volume and the appearance of a request; says whether anything was made.
     pub(super) fn prepare(
@@ -96,38 +113,54 @@ impl Cache {
         volume: &Volume,
         request: &RenderRequest,
         plan: &VolumePlan,
-    ) -> (&Prepared, bool) {
+    ) -> (&PreparedAppearance, bool) {
         let hash = volume.content_hash();
-        if let Some(at) = self.appearances.iter().position(|known| known.key.fits(hash, request)) {
-            self.appearances[at..].rotate_left(1);
-            return (self.appearances.last().expect("one was found"), false);
-        }
-        let at = self.volumes.iter().position(|(known, _)| *known == hash);
-        match at {
-            Some(at) => self.volumes[at..].rotate_left(1),
-            None => {
-                make_room(&mut self.volumes, KEPT);
-                self.made += 1;
-                let adopted = self.adopted.take().and_then(|adopted| adopted.bricks_of(hash, plan));
-                let bricks = adopted.unwrap_or_else(|| VolumeBricks::new(volume, plan));
-                self.volumes.push((hash, bricks));
+        let is_new = !self.has_appearance(hash, request);
+        if is_new {
+            self.prepare_volume(volume, hash, plan);
+            // An adopted volume brings one.
+            if !self.has_appearance(hash, request) {
+                let segments = request.labels.as_ref().map(|labels| self.segments(hash, &labels.map, plan));
+                let (_, bricks) = self.volumes.last().expect("made or found");
+                let appearance = PreparedAppearance::new(volume, bricks, segments.as_deref(), request);
+                make_room(&mut self.appearances, KEPT);
+                self.appearances.push(appearance);
             }
         }
-        let segments = request.labels.as_ref().map(|labels| self.segments(hash, &labels.map, plan));
-        let (_, bricks) = self.volumes.last().expect("made or found");
-        let tables = Tables::new(request);
-        let map = bricks.distance_map(segments.as_deref(), request, &tables, f32::from);
-        let bricks = VisibleBricks::new(&map, request);
-        let looks = Looks::of_tables(tables, request, volume, map.edge);
-        make_room(&mut self.appearances, KEPT);
-        let key = AppearanceKey::new(hash, request);
-        self.appearances.push(Prepared { key, looks, map, bricks });
-        (self.appearances.last().expect("just made"), true)
+        (self.appearances.last().expect("made or found"), is_new)
+    }
+
+    /// Whether there is an appearance; it becomes the last.
+    fn has_appearance(&mut self, volume: ContentHash, request: &RenderRequest) -> bool {
+        let at = self.appearances.iter().position(|known| known.key.fits(volume, request));
+        at.is_some_and(|at| {
+            self.appearances[at..].rotate_left(1);
+            true
+        })
+    }
+
+    /// Makes a volume the last.
+    fn prepare_volume(&mut self, volume: &Volume, hash: ContentHash, plan: &VolumePlan) {
+        if let Some(at) = self.volumes.iter().position(|(known, _)| *known == hash) {
+            self.volumes[at..].rotate_left(1);
+            return;
+        }
+        self.made += 1;
+        let adopted = self.adopted.take();
+        let adopted =
+            adopted.and_then(|(bricks, appearance)| Some((bricks.bricks_of(hash, plan)?, appearance)));
+        let (bricks, appearance) = adopted.unwrap_or_else(|| (VolumeBricks::new(volume, plan), None));
+        make_room(&mut self.volumes, KEPT);
+        self.volumes.push((hash, bricks));
+        if let Some(appearance) = appearance {
+            make_room(&mut self.appearances, KEPT);
+            self.appearances.push(appearance);
+        }
     }
 
     /// Keeps a volume that another thread has prepared until it is shown.
-    pub(super) fn adopt(&mut self, prepared: PreparedVolume) {
-        self.adopted = Some(prepared);
+    pub(super) fn adopt(&mut self, bricks: PreparedBricks, appearance: Option<PreparedAppearance>) {
+        self.adopted = Some((bricks, appearance));
     }
 
     /// The coarse form of a volume.
@@ -184,7 +217,7 @@ impl Cache {
     /// The size of the cache, without a limit of bytes.
     pub(super) fn memory(&self) -> MemoryUse {
         let volumes: u64 = self.volumes.iter().map(|(_, bricks)| bricks.bytes()).sum();
-        let looks = |known: &Prepared| (known.looks.bytes() + known.map.distances.len()) as u64;
+        let looks = |known: &PreparedAppearance| (known.looks.bytes() + known.map.distances.len()) as u64;
         let appearances: u64 = self.appearances.iter().map(looks).sum();
         let light: u64 = self.fillings.iter().map(|filling| filling.cells.bytes()).sum();
         let coarse = |volume: &Volume| size_of_val(volume.voxels_hu()) as u64;
@@ -212,5 +245,38 @@ impl Cache {
 fn make_room<T>(kept: &mut Vec<T>, most: usize) {
     if kept.len() == most {
         kept.remove(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::preparation::Preparation;
+    use super::super::super::scene::SceneFile;
+    use super::super::super::volume_plan::VolumeLimits;
+    use super::*;
+    use relief_volume::{Orbit, Phantom};
+
+    /// Invariant: A volume that another thread has prepared brings the map of empty space that the
+    /// renderer would make.
+    #[test]
+    fn an_adopted_volume_brings_its_appearance() {
+        let volume = Phantom::head(32).unwrap().volume;
+        let limits = VolumeLimits::of_processor();
+        let plan = limits.plan(volume.grid().dims()).unwrap();
+        let request = |preset: &str| {
+            let scene = SceneFile::default().with_preset(preset).with_size([64, 64]);
+            scene.resolve(volume.grid(), &Orbit::default()).unwrap().request
+        };
+        for (shown, appearances) in [("bone", 1), ("skin", 2)] {
+            let prepared = Preparation { limits, on_processor: true }.of(&volume, &request("bone")).unwrap();
+            let (mut adopting, mut own) = (Cache::default(), Cache::default());
+            adopting.adopt(prepared.bricks, prepared.appearance);
+            let (adopted, is_new) = adopting.prepare(&volume, &request(shown), &plan);
+            let (made, _) = own.prepare(&volume, &request(shown), &plan);
+            assert!(is_new && adopted.map == made.map && adopted.looks.opacities == made.looks.opacities);
+            assert_eq!(adopting.appearances.len(), appearances, "{shown}");
+        }
+        let on_card = Preparation { limits, on_processor: false };
+        assert!(on_card.of(&volume, &request("bone")).unwrap().appearance.is_none());
     }
 }
