@@ -83,6 +83,11 @@ impl<L: Lanes> Scene<'_, L> {
         history: &mut History<L>,
         chosen: L::Mask,
     ) -> (Hit<L>, L::Real) {
+        let count = self.view.sample_counts(rays);
+        let (start, chosen) = self.past_empty(walk, start, chosen & start.lt(count), count);
+        if !chosen.any() {
+            return (self.miss(), count);
+        }
         history.clear();
         let sum = if self.is_plain() {
             self.lanes.apart(
@@ -158,9 +163,8 @@ impl<L: Lanes> Scene<'_, L> {
             }
             // Until no ray is in an empty brick, so that samples are taken for all. Behind visible samples
             // others are likely: a look would cost more than samples that are taken in vain.
-            while !has_shown && let Some((next, skips)) = self.bricks.past_empty(walk, k, alive) {
-                k = next.or_where_not(skips, k);
-                alive = alive & k.lt(count);
+            if !has_shown {
+                (k, alive) = self.past_empty(walk, k, alive, count);
             }
             // Two samples for each look at the bricks: the second is taken in vain now and then, but
             // shows nothing then.
@@ -179,6 +183,23 @@ impl<L: Lanes> Scene<'_, L> {
         }
         sum.color = pending.colors();
         sum
+    }
+
+    /// The first samples of the chosen rays from k on that are not certain to be invisible, and the
+    /// rays that have some.
+    #[inline(always)]
+    fn past_empty(
+        &self,
+        walk: &Walk<L>,
+        mut k: L::Real,
+        mut chosen: L::Mask,
+        count: L::Real,
+    ) -> (L::Real, L::Mask) {
+        while let Some((next, skips)) = self.bricks.past_empty(walk, k, chosen) {
+            k = next.or_where_not(skips, k);
+            chosen = chosen & k.lt(count);
+        }
+        (k, chosen)
     }
 
     /// Lights the oldest pending samples, one in each lane.

@@ -8,7 +8,7 @@ use relief_lanes::{Lanes, MOST_LANES, Mask as _, Real as _, Triple};
 use super::ray::Rays;
 
 /// Room for samples: fewer than there are lanes wait, and twice as many may be added at once.
-const WAITING: usize = 4 * MOST_LANES;
+const WAITING: usize = 3 * MOST_LANES;
 
 /// Visible samples that are not lit yet, and the colours of those that are.
 pub(super) struct Pending<L: Lanes, const N: usize> {
