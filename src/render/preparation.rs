@@ -1,5 +1,7 @@
-//! What can be done for the first picture of a volume before a renderer is free: on another thread,
-//! while the renderer draws another volume.
+//! Work for the first picture of a volume on another thread, while the renderer draws another volume.
+//!
+//! It needs no adapter: ranges of bricks, and for the processor's ray caster the tables and the map of
+//! empty space. Spaces: bricks, HU.
 
 use super::appearance::PreparedBricks;
 use super::processor::PreparedAppearance;

@@ -90,8 +90,8 @@ impl Looks {
 }
 
 impl PreparedAppearance {
-    /// The appearance of a request on a volume with these bricks. `segments` is what occurs in the
-    /// bricks of the request's label map, if it has one.
+    /// The appearance of a request on a volume with these bricks. `segments` are those of the bricks of
+    /// the request's label map, if it has one.
     pub(crate) fn new(
         volume: &Volume,
         bricks: &VolumeBricks,

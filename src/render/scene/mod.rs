@@ -345,6 +345,13 @@ impl SceneFile {
         self.resolve_for(&Subject::of_grid(grid), orbit)
     }
 
+    /// The size that was written, or that of the layout.
+    fn picture_size_px(&self) -> Result<[u32; 2], SceneError> {
+        let size_of_layout = self.display.encoder()?.render_size_px();
+        let written = self.size_px.map(|sides| sides.map(|side| side.0));
+        Ok(written.or(size_of_layout).unwrap_or([960, 540]))
+    }
+
     /// The complete scene for a volume: parts that were not written get their defaults, and a camera
     /// that was not written becomes `orbit` around what is visible of the volume. A size that was not
     /// written is the layout's. Where the scene says nothing of labels, segments are tinted in the
@@ -357,9 +364,7 @@ impl SceneFile {
         self.display.validate()?;
         parts::expect_no_cursor(&self.display)?;
         expect_budget(self.budget_ms)?;
-        let size_of_layout = self.display.encoder()?.render_size_px();
-        let of_scene = self.size_px.map(|sides| sides.map(|side| side.0));
-        let size_px = of_scene.or(size_of_layout).unwrap_or([960, 540]);
+        let size_px = self.picture_size_px()?;
         let is_slice = self.is_slice();
         let slice = expect_one_view(is_slice, self.slice, self.camera.is_some(), orbit)?;
         let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
