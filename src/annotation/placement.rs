@@ -16,7 +16,7 @@ pub struct Placement {
     /// The camera of the picture in which it was placed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraRecord>,
-    /// By how much snapping moved it, mm along patient axes.
+    /// The distance by which snapping moved it, mm along patient axes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snapped_mm: Option<[f64; 3]>,
 }

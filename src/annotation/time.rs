@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use chrono::{DateTime, SecondsFormat, Utc};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// How far each reading of the clock goes back on purpose, and how many there were since.
+/// The step back of each reading of the clock, for tests, and the number of readings since.
 static TURNED_BACK_MS: AtomicI64 = AtomicI64::new(0);
 static READINGS: AtomicI64 = AtomicI64::new(1);
 

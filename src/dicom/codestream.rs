@@ -8,7 +8,7 @@ use std::fmt;
 use super::error::Defect;
 use super::pixels::PixelLayout;
 
-/// The coding of a codestream, as far as it decides who decodes it.
+/// The parts of a codestream's coding that select its decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Coding {
     /// JPEG by discrete cosine transform and Huffman codes: baseline, extended, progressive.

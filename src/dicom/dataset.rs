@@ -25,7 +25,7 @@ pub(super) enum Encoding {
     ExplicitBig,
 }
 
-/// Decides by its tag how much of an element is kept.
+/// The part of an element that is kept, by its tag.
 pub(super) type KeepOf = fn(Tag) -> Retention;
 
 /// The treatment of an element.
@@ -130,7 +130,7 @@ impl DataSet {
         bytes.chunks_exact(2).map(word).collect()
     }
 
-    /// 32-bit floats, and how many bytes are left over; none when absent.
+    /// 32-bit floats, and the number of bytes left over; none when absent.
     pub(super) fn floats(&self, tag: Tag) -> (Vec<f32>, usize) {
         let Some(Value::Bytes { bytes, big_endian }) = self.value(tag) else { return (Vec::new(), 0) };
         let (whole, rest) = bytes.as_chunks::<4>();
@@ -152,7 +152,7 @@ impl DataSet {
     }
 }
 
-/// How deep kept sequences nest, how long kept values are, and how much memory all of them take, at
+/// The depth of kept sequences, the length of kept values, and the memory of all of them, at
 /// most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Bounds {

@@ -10,7 +10,7 @@ use super::error::Defect;
 pub(super) enum Bytes {
     Disk(PathBuf),
     Memory(bytes::Bytes),
-    /// The first bytes of a zip entry, and how many it has in all.
+    /// The first bytes of a zip entry, and its size.
     Beginning(bytes::Bytes, u64),
 }
 

@@ -294,7 +294,7 @@ fn decode_file(tasks: Vec<Task<'_>>, budget: &Budget, step: &(dyn Fn() + Sync)) 
     tasks.into_par_iter().map(one).collect()
 }
 
-/// Decodes one frame into its place; returns how many values were clipped.
+/// Decodes one frame into its place; returns the number of clipped values.
 fn decode_frame(
     frame: &FrameHeader,
     bytes: &Bytes,

@@ -29,7 +29,7 @@ const INFLATED_PART: u64 = 1 << 20;
 /// Retired by the standard, and so deprecated in the dictionary, but not by archives.
 const EXPLICIT_VR_BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
-/// An opened file: where its data set lies and how it is encoded.
+/// An opened file: the place and the encoding of its data set.
 pub(super) struct Object {
     /// The bytes that hold the data set: the file's, or the inflated ones.
     pub(super) bytes: Bytes,

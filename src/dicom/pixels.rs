@@ -178,7 +178,7 @@ pub(super) fn take_decoded(
     Ok(convert(hu, rescale, layout.signed, layout.decoded_alignment()))
 }
 
-/// Turns cells into HU in place; returns how many values were clipped.
+/// Turns cells into HU in place; returns the number of clipped values.
 ///
 /// Four loops rather than one, so that each is plain arithmetic that the compiler turns into vector
 /// instructions: this and the copy out of the file are nearly all of the time that an uncompressed

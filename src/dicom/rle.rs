@@ -71,7 +71,7 @@ pub(super) fn decode(data: &[u8], pixels: usize, sample_bytes: usize) -> Result<
     Ok(samples)
 }
 
-/// Unpacks PackBits into a plane until the plane is full; returns how many bytes it got.
+/// Unpacks PackBits into a plane until the plane is full; returns the number of bytes.
 fn unpack<'a>(mut packed: &[u8], plane: impl Iterator<Item = &'a mut u8>) -> usize {
     let (mut count, mut plane) = (0, plane.fuse());
     while let Some((&code, rest)) = packed.split_first() {

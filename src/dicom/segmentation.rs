@@ -209,7 +209,7 @@ fn parse(limits: LoadLimits, bytes: Bytes) -> Result<Parsed, Defect> {
 }
 
 impl Parsed {
-    /// The bytes in which a frame lies, and how many bits of the first belong to the one before.
+    /// The bytes of a frame, and the number of bits of the first that belong to the frame before.
     fn packed(&self, index: usize) -> Result<(Vec<u8>, usize), Defect> {
         let bits_of_frame = self.dims[0] as u64 * self.dims[1] as u64 * u64::from(self.bits);
         let begin = index as u64 * bits_of_frame;

@@ -96,7 +96,7 @@ pub enum SegmentationError {
          map to a grid whose axes are"
     )]
     Sheared {
-        /// By how much, at most.
+        /// The largest difference.
         off_deg: f64,
     },
     /// Too many voxels for the attributes of an image.

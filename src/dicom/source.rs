@@ -188,7 +188,7 @@ fn overlap(archive: &SharedZip) -> Option<u64> {
     places.windows(2).find(|pair| end(pair[0]) > pair[1].0).map(|pair| pair[1].0)
 }
 
-/// The first bytes of an entry, at most `most`, and how many it has in all.
+/// The first bytes of an entry, at most `most`, and its size.
 fn unpack(
     archive: &mut SharedZip,
     index: usize,

@@ -1,4 +1,4 @@
-//! Value representations (PS3.5 6.2), as far as they decide how long an element is.
+//! Value representations (PS3.5 6.2): the part of them that decides the length of an element.
 
 /// Whether two bytes look like a value representation.
 pub(super) fn is_vr(vr: [u8; 2]) -> bool {

@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct Warning {
     /// Stable name for programs.
     pub code: WarningCode,
-    /// For people: the anomaly, its place and extent, and how it was handled.
+    /// For people: the anomaly, its place and extent, and its treatment.
     pub message: String,
 }
 

@@ -86,7 +86,7 @@ fn series<'a>(format: Format, context: &WriteContext<'a>) -> Result<&'a SeriesRe
     context.series.ok_or(ExchangeError::Needs { format, what })
 }
 
-/// A report of items; how many it has.
+/// A report of items, and their number.
 ///
 /// # Errors
 /// When there is no series, or none of the items can be in a report.

@@ -184,7 +184,7 @@ pub(crate) enum Answer {
     Annotations { items: Vec<Item>, contents: Vec<WireContent>, warnings: Vec<String> },
     /// The rights that were left to the child.
     Probed(RemainingRights),
-    /// The file is not what it should be.
+    /// The file is damaged, or of another kind.
     Refused { kind: Refusal, reason: String },
 }
 

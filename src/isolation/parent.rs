@@ -54,7 +54,7 @@ pub enum Listing {
 /// Why a file was not read.
 #[derive(Debug, thiserror::Error)]
 pub enum IsolationError {
-    /// The file is not what it should be.
+    /// The file is damaged, or of another kind.
     #[error("{0}")]
     Refused(String),
     /// The format of a file of annotations is unknown.

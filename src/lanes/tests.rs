@@ -187,7 +187,7 @@ enum Kind {
 impl Kind {
     const ALL: [Self; 5] = [Self::Bytes, Self::ShortQuads, Self::RealPairs, Self::Entries, Self::EntryPairs];
 
-    /// The numbers from a place that are read, and of how many components.
+    /// The numbers that are read from a place, and their number of components.
     fn numbers(self) -> (std::ops::Range<i32>, usize) {
         match self {
             Self::Bytes => (0..1, 1),

@@ -2,7 +2,7 @@
 //!
 //! Each row is written as differences to the pixel on its left, the first pixel of a row to the one
 //! above, per channel and wrapping; smooth pictures become small numbers that pack well and
-//! quickly. 16-bit numbers are little-endian. Decoders know how many pixels to expect and give
+//! quickly. 16-bit numbers are little-endian. Decoders know the number of pixels and give
 //! memory for no more, whatever the bytes claim.
 
 use std::io::Cursor;

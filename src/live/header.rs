@@ -23,7 +23,7 @@ pub const KIND_FRAME: u8 = 1;
 /// The checksum of PNG, zip and Ethernet: reflected, polynomial 0x04C11DB7.
 static CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// A field of the header: name, offset, type, how many of that type.
+/// A field of the header: name, offset, type, count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
     /// Its name.

@@ -310,7 +310,7 @@ impl GpuRays {
         self.illuminator.prepare(order)
     }
 
-    /// Makes the target of a picture. Returns how many rows of its region are rendered already, and
+    /// Makes the target of a picture. Returns the number of rows of its region that are rendered, and
     /// the time that they took.
     fn make_target(
         &mut self,

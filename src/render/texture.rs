@@ -1,4 +1,4 @@
-//! Textures of volumes: their formats, and how they are filled.
+//! Textures of volumes: their formats and their content.
 
 use crate::Gpu;
 use crate::GpuLimits;

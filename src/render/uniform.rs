@@ -137,7 +137,7 @@ fn columns(matrix: glam::DMat3) -> [[f32; 4]; 3] {
     matrix.to_cols_array_2d().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0])
 }
 
-/// The volume's smallest value, and how far above it the largest is; at least 1. HU.
+/// The volume's smallest value, and the range of its values, at least 1; HU.
 pub(super) fn brightness_range(volume: &Volume) -> (f64, f64) {
     let (lowest, largest) = volume.range_hu();
     (f64::from(lowest), (f64::from(largest) - f64::from(lowest)).max(1.0))

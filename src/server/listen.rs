@@ -41,7 +41,7 @@ pub struct ConnectionLimits {
     pub connections_per_address: usize,
     /// Addresses without that limit.
     pub unlimited: Vec<IpAddr>,
-    /// Longest time for a request's head to arrive; also how long an idle connection is kept.
+    /// Longest time for a request's head to arrive, and of an idle connection.
     pub head_timeout: Duration,
     /// Longest time without progress while a client receives an answer.
     pub stall_timeout: Duration,

@@ -24,7 +24,7 @@ const HTML: &str = "text/html; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-/// Path, media type and content of every page for callers who are known.
+/// Path, media type and content of every page for signed-in callers.
 const PAGES: [(&str, &str, &str); 4] = [
     ("/", HTML, include_str!("page/index.html")),
     ("/annotate", HTML, include_str!("page/annotate/annotate.html")),

@@ -211,7 +211,7 @@ pub(super) struct Uploads {
     pub(super) turn: Arc<Semaphore>,
 }
 
-/// The parts that answer with pictures, and who asks for one.
+/// The parts that answer with pictures, and the caller.
 #[derive(Clone)]
 pub(super) struct Pictures {
     pub(super) config: Arc<Config>,

@@ -11,7 +11,7 @@ use relief_volume::{ContentHash, Grid, Orbit, Volume};
 /// Opens the adapter and makes a renderer, as at the start.
 pub type OpenRenderer = Box<dyn Fn() -> Result<Renderer, RenderError> + Send>;
 
-/// A renderer, and how it is recreated.
+/// A renderer, and the function that recreates it.
 pub struct GpuBackend {
     renderer: Renderer,
     open: OpenRenderer,

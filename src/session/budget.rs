@@ -94,7 +94,7 @@ impl SpeedBook {
     /// Allowed budgets, ms.
     pub const BUDGET_MS: std::ops::RangeInclusive<f64> = RenderRequest::BUDGET_MS;
 
-    /// Remembers how long a picture took to render. `passes` is how many were made for it, of mode
+    /// Remembers the time of a picture. `passes` is the number of its passes, of mode
     /// path-traced.
     pub fn record(
         &mut self,

@@ -55,7 +55,7 @@ pub(super) struct WaitingJobs {
     changed: Option<Instant>,
 }
 
-/// A request and how long it is expected to take.
+/// A request and its expected time.
 pub(super) struct Waiting {
     pub(super) job: RenderJob,
     pub(super) expected_ms: f64,

@@ -22,7 +22,7 @@ pub const MARGIN: f64 = 25.0;
 /// Starts with a larger chi-square are not refined: a start has a few times that of its minimum.
 const HOPELESS: f64 = 100.0 * (GATE + MARGIN);
 
-/// An earlier pose and how far it may have changed since.
+/// An earlier pose and its largest change since.
 #[derive(Clone, Copy, Debug)]
 pub struct EarlierPose {
     /// `sensor_from_beacon`.

@@ -23,12 +23,12 @@ pub(crate) struct CellGrid {
 /// Cells of a row, one behind the other: the first, and the one behind the last.
 type Run = [u32; 2];
 
-/// A value from which on voxels count, and how many voxels of a cell one of them has to be.
+/// The rule by which a cell counts: a share of its voxels has at least a value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Level {
     /// The lowest value, HU.
     pub(crate) hu: i16,
-    /// One voxel in this many.
+    /// The share is one voxel in this number.
     pub(crate) of_voxels: usize,
 }
 
@@ -308,7 +308,7 @@ fn runs(row: usize, cells: &[bool]) -> Vec<Run> {
     runs
 }
 
-/// The number of each row's first run, and how many runs there are.
+/// The number of each row's first run, and the number of runs.
 fn starts(rows: &[Vec<Run>]) -> Vec<usize> {
     let ends = rows.iter().scan(0, |sum, runs| {
         *sum += runs.len();

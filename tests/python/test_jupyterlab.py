@@ -105,7 +105,7 @@ class Widget(unittest.TestCase):
         """Counts the messages of a kernel to the page."""
         socket.on("framereceived", lambda _: self.from_kernel.append(socket.url))
 
-    def wait(self, condition, seconds=30):
+    def wait(self, condition, seconds=120):
         """Waits for a condition; Jupyter's content policy refuses Playwright's way to do so in the page."""
         end = time.monotonic() + seconds
         while not self.page.evaluate(f"Boolean({condition})"):
@@ -125,7 +125,7 @@ class Widget(unittest.TestCase):
 
     def shows(self, expected, least_db):
         """Waits until the canvas shows a picture."""
-        for _ in range(100):
+        for _ in range(400):
             self.page.wait_for_timeout(300)
             found = psnr(self.picture(), expected)
             if found > least_db:
@@ -134,7 +134,7 @@ class Widget(unittest.TestCase):
 
     def shows_another(self, than, most_db):
         """Waits until the canvas shows another picture."""
-        for _ in range(100):
+        for _ in range(400):
             self.page.wait_for_timeout(300)
             if psnr(self.picture(), than) < most_db:
                 return
@@ -162,7 +162,7 @@ class Widget(unittest.TestCase):
         page.get_by_role("menuitem", name="Run", exact=True).click()
         page.get_by_role("menuitem", name=re.compile("^Run All Cells")).click()
         prompts = "[...document.querySelectorAll('.jp-CodeCell .jp-InputPrompt')].map((one) => one.textContent)"
-        self.wait(f"{prompts}.every((text) => /[0-9]/.test(text))", 120)
+        self.wait(f"{prompts}.every((text) => /[0-9]/.test(text))")
 
     def run_code(self, text):
         """Runs code in a new cell at the end; gives what it prints."""
@@ -183,7 +183,7 @@ class Widget(unittest.TestCase):
         page = self.page
         page.wait_for_selector(".jp-Notebook .jp-Cell", timeout=60000)
         self.run_all()
-        self.wait(f"{CANVAS}?.dataset.frame && document.querySelector('.relief-bar select').value === 'bone'", 60)
+        self.wait(f"{CANVAS}?.dataset.frame && document.querySelector('.relief-bar select').value === 'bone'")
 
         # The notebook ends with this view: its camera looks from there, and its picture is that of the camera.
         volume = relief.phantom("head", 128)

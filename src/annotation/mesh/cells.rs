@@ -19,7 +19,7 @@ pub(super) struct Cells {
     /// Of each case the faces whose two joints are parts of one sheet, a bit for each face. Faces:
     /// see [`face`].
     pub(super) twice: [u8; 256],
-    /// Of each case how many of the edges at corner 0 are crossed.
+    /// The number of crossed edges at corner 0 in each case.
     pub(super) quads: [u8; 256],
 }
 

@@ -19,7 +19,7 @@ const LEAST_HU_PER_MM: f64 = 1.0;
 /// An edge continues while it has this part of the magnitude that it was chosen for.
 const GOES_ON: f64 = 0.5;
 
-/// First places that are followed to their edges, and how many of those are climbed along.
+/// Number of first places that are followed to their edges, and of those that are climbed along.
 const MOST_SEEDS: usize = 24;
 const MOST_CLIMBED: usize = 3;
 

@@ -39,7 +39,7 @@ pub(super) fn expect_few_voxels(dims: [usize; 3], radius_mm: f64) -> Result<(), 
 pub(super) struct Histogram(Vec<u32>);
 
 impl Histogram {
-    /// The values that occur, rising, HU, with how often each does.
+    /// The values that occur, rising, HU, and the number of times of each.
     pub(super) fn values(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let counted = (i16::MIN..=i16::MAX).zip(&self.0).filter(|(_, count)| **count > 0);
         counted.map(|(hu, &count)| (f64::from(hu), f64::from(count)))

@@ -98,7 +98,7 @@ impl Snap {
 pub struct Snapped {
     /// Its new place.
     pub at: Point<Patient>,
-    /// From where it was to where it is.
+    /// From its old place to its new one.
     pub shift: Vector<Patient>,
     /// The value there (trilinear), HU.
     pub hu: f64,

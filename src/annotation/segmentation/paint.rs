@@ -36,8 +36,8 @@ const PLACES: [f64; 5] = [-0.4, -0.2, 0.0, 0.2, 0.4];
 /// Largest radius, mm.
 const LARGEST_MM: f64 = 1000.0;
 
-/// Paints a ball of `radius_mm` around `center`; says how many voxels changed. Parts outside of the
-/// grid are left out.
+/// Paints a ball of `radius_mm` around `center`; returns the number of changed voxels. Parts outside
+/// of the grid are left out.
 ///
 /// # Errors
 /// When the radius is not above 0 and at most 1000 mm, or the centre is no place.

@@ -130,7 +130,8 @@ impl Crop {
         })
     }
 
-    /// Marks the voxels that are connected to one by voxels for which `is_wanted` holds; says how many.
+    /// Marks the voxels that are connected to one by voxels for which `is_wanted` holds; returns their
+    /// number.
     fn flood(&self, from: usize, marked: &mut [bool], is_wanted: impl Fn(usize) -> bool) -> usize {
         let (mut open, mut count) = (vec![from], 1);
         marked[from] = true;

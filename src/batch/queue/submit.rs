@@ -24,7 +24,7 @@ const UNDER_WAY: usize = 256;
 
 impl Queue {
     /// Puts jobs into the stream, in their order, so that those of one series come to one worker.
-    /// `report` is given how many are through.
+    /// `report` gets the number of jobs that are through.
     ///
     /// # Errors
     /// When the server refuses; the jobs before are in the queue then, and submitting again puts in

@@ -38,7 +38,7 @@ pub(super) struct PaintArguments {
     erase: bool,
     #[command(flatten)]
     new: NewArguments,
-    /// Print one JSON object: the item, its measures, and how many voxels changed
+    /// Print one JSON object: the item, its measures, and the number of changed voxels
     #[arg(long)]
     json: bool,
 }

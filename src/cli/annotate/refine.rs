@@ -28,7 +28,7 @@ pub(super) struct RefineArguments {
     steps: Vec<RefineStep>,
     #[command(flatten)]
     by: ByArguments,
-    /// Print one JSON object: the item, its measures, and how many voxels it had before
+    /// Print one JSON object: the item, its measures, and its number of voxels before
     #[arg(long)]
     json: bool,
 }

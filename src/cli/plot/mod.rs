@@ -53,7 +53,7 @@ pub(crate) const TITLE: f64 = 36.0;
 pub(crate) const TEXT: f64 = 24.0;
 pub(crate) const SMALL: f64 = 22.0;
 
-/// A line of text and how it looks.
+/// A line of text and its style.
 #[derive(Clone, Copy)]
 pub(crate) struct Label<'a> {
     pub(crate) text: &'a str,

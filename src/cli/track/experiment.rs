@@ -39,7 +39,7 @@ pub(crate) struct TrackExperimentArguments {
     /// The LEDs; the recommended beacon by default
     #[arg(long, value_name = "BEACON.toml")]
     beacon: Option<PathBuf>,
-    /// By how much the sensor's focal length differs from 1320 px, %
+    /// Difference of the sensor's focal length from 1320 px, %
     #[arg(long, value_name = "PERCENT", default_value_t = 3.0, value_parser = percent, allow_negative_numbers = true)]
     focal_error: f64,
     /// Noise of a blob's coordinates before they are rounded, px

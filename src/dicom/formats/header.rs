@@ -28,7 +28,7 @@ pub(super) struct Header {
     pub(super) warnings: Vec<String>,
 }
 
-/// A segment as a header describes it.
+/// A header's description of a segment.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct NamedSegment {
     pub(super) label: u16,

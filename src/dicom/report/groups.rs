@@ -21,7 +21,7 @@ const PATH_POINTS: usize = 4096;
 /// Points of `GraphicData` beyond which the 16-bit length of explicit VR does not reach.
 pub(super) const LONGEST_EXPLICIT: usize = 65534 / 12;
 
-/// A group, and how many points its longest graphic has.
+/// A group, and the number of points of its longest graphic.
 pub(super) struct Group {
     pub(super) content: Content,
     pub(super) points: usize,

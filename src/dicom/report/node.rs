@@ -11,7 +11,7 @@ use crate::dataset::DataSet;
 use crate::object::Code;
 use crate::whole;
 use relief_annotation::Concept;
-/// A content item and where it is.
+/// A content item and its place.
 pub(super) struct Node<'a> {
     pub(super) data: &'a DataSet,
     pub(super) path: String,

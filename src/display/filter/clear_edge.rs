@@ -21,7 +21,7 @@ use super::padded::{Padded, miss_if_unknown};
 use crate::layout::Picture;
 use relief_base::DepthLimits;
 
-/// By how many pixels the foreground is widened at depth edges.
+/// The width by which the foreground is widened at depth edges, pixels.
 pub(super) const WIDENED_PX: usize = 2;
 /// The reach of the filter, pixels to each side.
 pub(super) const REACH_PX: usize = 4;

@@ -45,7 +45,7 @@ impl DepthFilter {
     /// All of them, in the order of lists shown to users.
     pub const ALL: [Self; 4] = [Self::None, Self::Median3, Self::Median5, Self::ClearEdge];
 
-    /// By how many pixels `clear-edge` widens the foreground at depth edges.
+    /// The width by which `clear-edge` widens the foreground at depth edges, pixels.
     pub const WIDENED_PX: usize = clear_edge::WIDENED_PX;
 
     /// The reach of `clear-edge`, pixels to each side: depth edges that are up to half as far from

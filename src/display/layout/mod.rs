@@ -1,4 +1,4 @@
-//! Layouts: where the picture and its depth go in a frame, and how they come out again.
+//! Layouts: the places of the picture and its depth in a frame; packing and unpacking.
 //!
 //! The names of the layouts, their sizes, [`FrameEncoder`] and [`Layout::decode`]. Files are in
 //! `encode`. Pixels are in rows from the top, (x, y) from the top left.

@@ -18,7 +18,7 @@ const CENTERS: std::ops::RangeInclusive<f64> = -1e4..=1e4;
 pub struct LensPanel {
     /// Pixels from lens to lens along a line.
     pub pitch_px: f64,
-    /// By how many pixels a lens is farther left on the next line.
+    /// The shift of a lens to the left from one line to the next, pixels.
     #[serde(default)]
     pub slant: f64,
     /// The start of a lens at the top left corner, in lenses.

@@ -1,4 +1,4 @@
-//! Holding the volume: how it follows a hand from the moment of the grab.
+//! Holding the volume: it follows a hand from the moment of the grab.
 //!
 //! Everything follows from where hand and view were then, and from where the hand is now; nothing
 //! is added up, so a hand that comes back brings the volume back. View axes, mm; the focal point is

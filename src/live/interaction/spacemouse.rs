@@ -31,7 +31,7 @@ pub enum SpaceMouseEvent {
         shift: DVec3,
         /// Shares of full deflection about the view axes.
         turn: DVec3,
-        /// For how long, s.
+        /// Duration, s.
         seconds: f64,
     },
     /// A button is pressed or released.

@@ -25,7 +25,7 @@ const BLANK: f64 = 5.0;
 /// Straight parts of a span of a smooth stroke.
 const PARTS: usize = 4;
 
-/// The axes of a glyph's strokes and how far the pen moves.
+/// The axes of a glyph's strokes and the advance of the pen.
 #[derive(Clone, Debug)]
 pub(super) struct Glyph {
     pub(super) segments: Vec<[DVec2; 2]>,
@@ -48,7 +48,7 @@ pub(super) fn glyph(character: char) -> &'static Glyph {
 }
 
 /// A line of text as strokes: from its first ink at x = 0, its baseline at y = 0, in the units of
-/// the font; and how far it goes to the right.
+/// the font; and its advance to the right.
 ///
 /// For drawings that are no picture of a volume; capitals are [`CAPITAL`] high.
 #[must_use]

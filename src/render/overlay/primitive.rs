@@ -53,7 +53,7 @@ impl Primitive {
         }
     }
 
-    /// About how many pixels of a box of that size have to be looked at.
+    /// The approximate number of pixels of a box of that size to look at.
     pub(super) fn work_px(&self, width: f64, height: f64) -> f64 {
         match &self.shape {
             PrimitiveForm::Ball(_) | PrimitiveForm::Triangle(_) | PrimitiveForm::Stamp(_) => width * height,

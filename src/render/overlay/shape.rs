@@ -126,7 +126,7 @@ impl Stroke {
 #[derive(Clone, Debug)]
 pub(super) struct Triangle {
     corners: [DVec2; 3],
-    /// Slope at the first corner, and how it grows to the right and downwards.
+    /// Slope at the first corner, and its growth to the right and downwards.
     slope: f64,
     slope_by_px: DVec2,
     slope_range: [f64; 2],

@@ -38,7 +38,7 @@ struct Interval<R> {
     before: R,
     /// The greatest weight.
     greatest: R,
-    /// By how much opacity rises.
+    /// The rise of opacity.
     rise: R,
 }
 

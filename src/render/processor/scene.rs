@@ -54,7 +54,7 @@ pub(super) struct Scene<'a, L: Lanes> {
     pub(super) integrals: Option<Integrals<'a, L>>,
     pub(super) lights: Lights<'a, L>,
     pub(super) surfaces: Vec<SurfaceInLanes<L>>,
-    /// The volume's smallest value, and how far above it the largest is, HU.
+    /// The volume's smallest value, and the range of its values, HU.
     pub(super) brightness: [L::Real; 2],
     /// The share of a ray's opacity at which its depth lies, by the rules that have one.
     pub(super) depth_fraction: L::Real,

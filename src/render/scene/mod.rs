@@ -251,7 +251,7 @@ impl SceneFile {
         Self { path_trace: Some(path_trace), ..self }
     }
 
-    /// Replaces how often light scatters and whether noise is removed, in mode path-traced.
+    /// Replaces the number of scatterings and the removal of noise, in mode path-traced.
     #[must_use]
     pub fn with_light(self, scatterings: Option<u32>, denoise: Option<bool>) -> Self {
         let path_trace = self.path_trace.unwrap_or_default().with_light(scatterings, denoise);
@@ -276,7 +276,7 @@ impl SceneFile {
         Self { size_px: Some(size_px.map(Whole)), ..self }
     }
 
-    /// Replaces how long the picture may take to render, ms.
+    /// Replaces the budget of time, ms.
     #[must_use]
     pub fn with_budget_ms(self, budget_ms: f64) -> Self {
         Self { budget_ms: Some(budget_ms), ..self }

@@ -121,7 +121,7 @@ impl Annotations {
         events
     }
 
-    /// Where the items of events belong; of an item that is gone, where it did.
+    /// The volumes of the items of events; of a removed item, its last volume.
     pub(crate) async fn homes(&self, events: &[Event]) -> Result<Vec<Home>, Problem> {
         let gone: Vec<ItemId> =
             events.iter().filter(|event| event.item.is_none()).map(|event| event.id).collect();

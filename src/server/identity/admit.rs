@@ -91,7 +91,7 @@ impl Door {
     }
 }
 
-/// Admits requests for data, limits how many of one caller are answered at a time, and records
+/// Admits requests for data, limits the number of one caller's requests at a time, and records
 /// them.
 pub(crate) async fn admit_data(State(door): State<Door>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("", |path| path.as_str()).to_owned();
@@ -112,7 +112,7 @@ pub(crate) async fn admit_data(State(door): State<Door>, request: Request, next:
     response
 }
 
-/// The answer to a caller who may have it.
+/// The answer to an admitted caller.
 async fn answered(caller: &Caller, mut request: Request, next: Next) -> Response {
     request.extensions_mut().insert(caller.clone());
     let Some(identity) = &caller.identity else { return next.run(request).await };

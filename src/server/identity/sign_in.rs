@@ -33,7 +33,7 @@ pub(crate) fn routes() -> Router<AppState> {
         .route("/v1/sign-out", post(sign_out))
 }
 
-/// Whether callers have to be known, and who this one is.
+/// Whether callers must sign in, and the identity of this one.
 async fn identity(State(door): State<Door>, request: Request) -> Result<Response, Problem> {
     let admission = &door.config.admission;
     let peer = request.extensions().get::<Peer>();

@@ -26,7 +26,7 @@ use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
 use relief_session::{EditContext, Effect, Engine, HeldPoint, View, VolumeEntry, lock};
 use relief_volume::{Camera, Projection};
 
-/// Why an item came to be where it is, in the log.
+/// The reason for an item's place, in the log.
 const REASON: &str = "live session";
 
 /// Author of placements, and position in the list.

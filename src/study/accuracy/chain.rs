@@ -10,7 +10,7 @@ use relief_render::{ClipPlane, RenderRequest, RenderedFrame, Renderer, SceneFile
 use relief_tracking::Random;
 use relief_volume::{Camera, Orbit, PhantomLandmark, Projection, Volume};
 
-/// The picture, and how much of the patient it shows: the user came closer.
+/// The picture, and the part of the patient in it: the user came closer.
 const SIZE_PX: [u32; 2] = [960, 540];
 pub(super) const HEIGHT_MM: f64 = 120.0;
 const EYE_MM: f64 = 600.0;
@@ -89,7 +89,7 @@ impl PresentedLandmark {
         nearest.ok_or(StudyError::HandLost)
     }
 
-    /// Places it once: `offset` is how far the cursor is from the landmark along view axes.
+    /// Places it once: `offset` is the distance of the cursor from the landmark along view axes.
     pub(super) fn place(&self, volume: &Volume, offset: DVec3, radius_mm: f64, way: &mut WayReport) {
         let in_view = Vector::<View>::from_xyz(offset);
         let tip = self.truth + self.frame.camera.patient_from_view() * in_view;

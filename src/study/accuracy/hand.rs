@@ -16,7 +16,7 @@ use relief_tracking::{
     SensorPose, Simulation, TYPICAL_FOCAL_PX, Tracker, TrackerOptions, TrackingState, simulate_survey,
 };
 
-/// By how much the focal length differs from a typical one, as the experiment has it.
+/// The difference of the focal length from a typical one, as in the experiment.
 const FOCAL_ERROR: f64 = 0.03;
 
 /// Postural tremor of a hand: a peak at about 7 Hz, and physiological tremor up to 12 Hz.
@@ -51,7 +51,7 @@ const LET_GO_S: [f64; 2] = [1.0, 3.0];
 /// The length of a recording of a hand.
 pub(super) const SECONDS: f64 = PRESS_S[1] + LET_GO_S[1] + 1.0;
 
-/// The hand and its tremor, and how far from the beacon.
+/// The hand and its tremor, and its distance from the beacon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SimulatedHand {
     pub(super) distance_mm: f64,

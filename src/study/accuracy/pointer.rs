@@ -203,7 +203,7 @@ fn motion(deflection: DVec3) -> [u8; SPACENAV_EVENT_BYTES] {
     bytes
 }
 
-/// By how much an event moves the cursor.
+/// The movement of the cursor by an event.
 fn shift_of(event: SpaceMouseEvent) -> DVec3 {
     let moved = event.intents(true).into_iter().filter_map(|intent| match intent {
         Intent::Cursor { by_view_mm, .. } => by_view_mm.map(DVec3::from_array),

@@ -54,7 +54,7 @@ pub enum Verdict {
     Rejected,
 }
 
-/// A measurement's verdict, its squared normalised innovation, and how many numbers it has.
+/// A measurement's verdict, its squared normalised innovation, and its number of components.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
     /// Whether it was taken.
@@ -73,7 +73,7 @@ pub struct ErrorStateFilter {
     motion: MotionDensity,
 }
 
-/// Gates by how many numbers are measured: a right one is beyond in 1 of 100,000 cases.
+/// Gates by the number of components of a measurement: a right one is beyond in 1 of 100,000 cases.
 fn gate(count: usize) -> f64 {
     const GATES: [f64; 9] = [0.0, 19.5, 23.0, 25.9, 28.5, 30.9, 33.1, 35.3, 37.3];
     GATES[count.min(GATES.len() - 1)]
@@ -276,5 +276,5 @@ impl ErrorStateFilter {
     }
 }
 
-/// For how long a pose is predicted without seeing an LED, seconds.
+/// The time for which a pose is predicted without seeing an LED, seconds.
 pub const MAX_PREDICTION_S: f64 = 0.05;

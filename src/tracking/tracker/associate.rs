@@ -18,7 +18,7 @@ use crate::solve::Sighting;
 const PAIR_GATE: f64 = 23.0;
 /// The cost of a blob without an LED: slightly more than the worst permitted pair.
 const STRAY: f64 = 24.0;
-/// By how much the best way has to be better than one that calls a blob another LED.
+/// The least advantage of the best way over one that calls a blob another LED.
 const MARGIN: f64 = 12.0;
 
 /// The kind of blobs.

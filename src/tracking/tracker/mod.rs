@@ -37,7 +37,7 @@ use sightings::Sightings;
 /// A pose older than this is not used as a hint, seconds.
 const HINT_S: f64 = 2.0;
 
-/// For how long an error of the accelerometer's up lasts, seconds.
+/// The time for which an error of the accelerometer's up lasts, seconds.
 const GRAVITY_ERROR_S: f64 = 0.15;
 
 /// The tracker's state after a report.

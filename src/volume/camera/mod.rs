@@ -1,4 +1,4 @@
-//! Cameras: where the eye is in patient space and how it projects.
+//! Cameras: the place of the eye in patient space, and its projection.
 //!
 //! View space: x right, y up, looking along -z, mm. Image space: pixels, u right, v down, centres
 //! at +0.5. Angles are radians inside; names that end in `_deg` are degrees. The camera of a

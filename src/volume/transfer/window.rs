@@ -44,7 +44,7 @@ impl WindowMap {
     }
 }
 
-/// A range of values and how it is shown.
+/// A range of values and its display.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// The middle of the range, HU, within ±32768.
