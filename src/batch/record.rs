@@ -24,7 +24,7 @@ pub struct Record {
     /// The structures of the values of `VIEW.labels.png`, from 1 on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<String>,
-    /// Time on the adapter and over it, ms.
+    /// Time of rays, of drawing over them, and of uploads to a graphics adapter, ms.
     pub render_ms: f64,
     /// From the frame to the last byte, ms.
     pub write_ms: f64,

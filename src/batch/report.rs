@@ -230,7 +230,7 @@ fn timings(series: &BTreeMap<&str, Vec<ReportedJob>>) -> String {
     let Some(most) = ms.last() else { return "nothing was rendered".to_owned() };
     let median = ms[ms.len() / 2];
     format!(
-        "A view takes {median:.0} ms to render (median), {most:.0} ms at most, uploads included. Relief {}.",
+        "A view takes {median:.0} ms to render (median), {most:.0} ms at most, with uploads to a graphics adapter. Relief {}.",
         env!("CARGO_PKG_VERSION")
     )
 }
