@@ -392,7 +392,7 @@ fn orientation(data: &DataSet) -> Result<[DVec3; 2], Defect> {
     let expected = "six numbers: two perpendicular unit vectors";
     let v = numbers::<6>(data, ORIENTATION, expected)?;
     let (row, column) = (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5]));
-    // Directions with few digits are this wrong. Normalising a larger error would move voxels.
+    // Directions written with few digits have errors up to this. Normalising a larger one would move voxels.
     let wrong = (row.length() - 1.0).abs().max((column.length() - 1.0).abs()).max(row.dot(column).abs());
     check(wrong < 0.01, ORIENTATION, &format!("{v:?}"), expected)?;
     // Rows keep their direction; columns are made exactly perpendicular, so that the grid is.

@@ -96,7 +96,7 @@ pub enum SegmentationError {
          map to a grid whose axes are"
     )]
     Sheared {
-        /// The largest difference.
+        /// The largest difference from a right angle, degrees.
         off_deg: f64,
     },
     /// Too many voxels for the attributes of an image.

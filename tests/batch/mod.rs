@@ -188,6 +188,29 @@ fn the_report_stands_alone_and_has_sheets_and_turntables() {
     }
 }
 
+/// Each product alone: a batch computes depths only for products that have them.
+#[test]
+fn frames_and_depth_have_the_depth_of_render() {
+    let archive = Archive::of_phantoms(1);
+    let (frame, depth) = (archive.text("frame.png"), archive.text("depth.exr"));
+    let series = archive.text("series/DOE^JOHN 0");
+    let scene = archive.text("scene.json");
+    std::fs::write(&scene, r#"{ "depth": { "rule": "threshold", "fraction": 0.9 } }"#).unwrap();
+    let look = ["--preset", "skin", "--scene", &scene];
+    let render = ["render", "--series", &series, "--out", &frame, "--depth-out", &depth];
+    ok(&relief(&[&render[..], &look].concat()));
+    let (root, manifest) = (archive.text("series"), archive.text("jobs.jsonl"));
+    let plan = ["batch", "plan", "--root", &root, "--out", &manifest, "--views", "turntable:1"];
+    for (product, of_render) in [("frame", &frame), ("depth", &depth)] {
+        ok(&relief(&[&plan[..], &look, &["--products", product]].concat()));
+        ok(&archive.run_into(product, &[]));
+        let folder = archive.path(product).join(archive.jobs()[0]["series"]["name"].as_str().unwrap());
+        let ending = if product == "frame" { "frame.png" } else { "depth.exr" };
+        let made = std::fs::read(folder.join(format!("turntable-000.{ending}"))).unwrap();
+        assert!(made == std::fs::read(of_render).unwrap(), "{product}");
+    }
+}
+
 #[test]
 fn frames_and_depth_are_written_where_they_are_wanted() {
     let archive = Archive::of_phantoms(1);
