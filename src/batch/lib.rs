@@ -12,7 +12,7 @@
 //! series is named by its hash unless a table names it.
 
 mod annotations;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "buckets")]
 mod bucket;
 mod copies;
 mod dataset;
@@ -33,7 +33,7 @@ mod plan;
 mod pose;
 mod product;
 mod query;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "queue")]
 mod queue;
 mod record;
 mod relocate;
@@ -47,7 +47,7 @@ mod views;
 
 pub use crate::product::DEPTH_UNIT_MM;
 pub use annotations::KeptAnnotations;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "buckets")]
 pub use bucket::Bucket;
 pub use copies::{Copies, CopiesOptions, CopyProgress, Local};
 pub use error::{
@@ -72,13 +72,13 @@ pub use source::{LabelsSource, SeriesSource};
 pub use turntable::{FilmChoice, FilmError, FilmWriter, turntable_capture};
 pub use views::{View, ViewSet};
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "queue")]
 pub use queue::{
     FailedAttempt, Queue, QueueAccess, QueueError, Submitted, WorkEnd, WorkOptions, WorkSummary, work_queue,
 };
 
 /// Gives TLS its cryptography, for queue and bucket. Where one is installed already, it is as good.
-#[cfg(feature = "cluster")]
+#[cfg(feature = "queue")]
 fn install_cryptography() {
     let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
 }

@@ -5,12 +5,12 @@
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-#[cfg(feature = "cluster")]
+#[cfg(feature = "buckets")]
 use std::sync::Arc;
 
 use bytes::Bytes;
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "buckets")]
 use super::bucket::Bucket;
 use crate::output_file::OutputFile;
 use relief_base::sha256_of_file;
@@ -22,7 +22,7 @@ pub enum Sink {
     /// A folder, which is made when the first output comes.
     Folder(PathBuf),
     /// A bucket of an S3 service.
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "buckets")]
     Bucket(Arc<Bucket>),
 }
 
@@ -31,7 +31,7 @@ impl Sink {
     pub(super) fn prepare(&self) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => std::fs::create_dir_all(folder),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.check(),
         }
     }
@@ -41,13 +41,13 @@ impl Sink {
         let bytes = bytes.into();
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.put(name, bytes, None),
         }
     }
 
     /// As [`Sink::put`], of bytes whose hash is known.
-    #[cfg_attr(not(feature = "cluster"), expect(unused_variables, reason = "folders keep no hashes"))]
+    #[cfg_attr(not(feature = "buckets"), expect(unused_variables, reason = "folders keep no hashes"))]
     pub(super) fn put_written(
         &self,
         name: &str,
@@ -56,7 +56,7 @@ impl Sink {
     ) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.put(name, bytes.into(), Some(&written.sha256)),
         }
     }
@@ -66,7 +66,7 @@ impl Sink {
     pub(super) fn put_new(&self, name: &str, bytes: Bytes) -> std::io::Result<bool> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes).map(|()| true),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.put_new(name, bytes),
         }
     }
@@ -78,7 +78,7 @@ impl Sink {
                 Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
                 read => read,
             },
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.read(name, largest),
         }
     }
@@ -88,7 +88,7 @@ impl Sink {
     pub fn has(&self, name: &str) -> bool {
         match self {
             Self::Folder(folder) => folder.join(name).exists(),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.has(name),
         }
     }
@@ -101,19 +101,20 @@ impl Sink {
                 let has_length = std::fs::metadata(&path).is_ok_and(|found| found.len() == written.bytes);
                 has_length && sha256_of_file(&path).is_ok_and(|found| found == written.sha256)
             }
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.holds(name, written),
         }
     }
 
     /// Removes an output if it exists.
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "queue")]
     pub(super) fn remove(&self, name: &str) -> std::io::Result<()> {
         match self {
             Self::Folder(folder) => match std::fs::remove_file(folder.join(name)) {
                 Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
                 _ => Ok(()),
             },
+            #[cfg(feature = "buckets")]
             Self::Bucket(bucket) => bucket.remove(name),
         }
     }

@@ -24,7 +24,7 @@ pub(super) struct ArchiveArguments {
     archive_identity: Option<PathBuf>,
 }
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 impl ArchiveArguments {
     /// The credentials for archives.
     ///

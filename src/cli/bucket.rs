@@ -39,16 +39,16 @@ impl BucketArguments {
     pub(super) fn open(&self, name: &Location) -> anyhow::Result<Sink> {
         match name {
             Location::Local(folder) => Ok(Sink::Folder(folder.clone())),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Location::Bucket { bucket, prefix } => {
                 use anyhow::Context;
                 let opened = relief_batch::Bucket::open(bucket, prefix, self.s3_endpoint.as_deref());
                 let opened = opened.with_context(|| format!("cannot use {name}"))?;
                 Ok(Sink::Bucket(std::sync::Arc::new(opened)))
             }
-            #[cfg(not(feature = "cluster"))]
+            #[cfg(not(feature = "buckets"))]
             Location::Bucket { .. } => {
-                anyhow::bail!("this program was built without the feature `cluster`: no {name}")
+                anyhow::bail!(crate::features::lacks(&name.to_string(), "buckets"))
             }
             Location::Archive(_) => {
                 anyhow::bail!("outputs go into a folder or a bucket, not into a DICOM archive")
@@ -92,7 +92,7 @@ impl CopiesArguments {
             endpoint: self.bucket.s3_endpoint.clone(),
             roots,
             isolated,
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "archives")]
             archives: self.archive.access()?,
             progress,
         }))

@@ -19,6 +19,7 @@ mod client;
 mod convert;
 mod doctor;
 mod eye;
+mod features;
 mod golden;
 mod inspect;
 mod isolation;
@@ -34,11 +35,11 @@ mod presets;
 mod preview;
 mod progress;
 mod quilt;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod receive;
 mod render;
 mod scene;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod send;
 mod series;
 mod serve;
@@ -107,9 +108,9 @@ enum Command {
     DecodeWorker,
     Token(token::TokenArguments),
     Audit(audit::AuditArguments),
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     Send(send::SendArguments),
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     Receive(receive::ReceiveArguments),
     Batch(batch::BatchArguments),
     Golden(golden::GoldenArguments),
@@ -120,7 +121,16 @@ enum Command {
 /// Parses the command line, runs the subcommand and reports errors.
 #[must_use]
 pub fn main() -> ExitCode {
-    let arguments = CommandLine::parse(); // exits with status 2 on wrong arguments
+    let arguments = match CommandLine::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => match features::explain(&error) {
+            Some(message) => {
+                eprintln!("relief: {message}");
+                return ExitCode::from(2);
+            }
+            None => error.exit(), // with status 2 on wrong arguments
+        },
+    };
     #[cfg(target_os = "linux")]
     if matches!(arguments.command, Command::DecodeWorker) {
         return relief_isolation::serve(); // before anything starts a thread or opens a file
@@ -149,9 +159,9 @@ pub fn main() -> ExitCode {
         #[cfg(target_os = "linux")]
         Command::DecodeWorker => unreachable!("it has returned above"),
         Command::Annotate(arguments) => annotate::run(&arguments),
-        #[cfg(feature = "cluster")]
+        #[cfg(feature = "archives")]
         Command::Send(arguments) => send::run(&arguments),
-        #[cfg(feature = "cluster")]
+        #[cfg(feature = "archives")]
         Command::Receive(arguments) => receive::run(&arguments),
         Command::Batch(arguments) => batch::run(arguments),
         Command::Golden(arguments) => golden::run(arguments),

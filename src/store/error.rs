@@ -142,6 +142,9 @@ pub enum LocationError {
     /// A URL of another kind.
     #[error("only sqlite: and postgres:// are known")]
     Scheme,
+    /// A PostgreSQL address, in a build without its driver.
+    #[error("this build has no PostgreSQL: build relief with --features postgres")]
+    NoPostgres,
     /// Nothing.
     #[error("it is empty")]
     Empty,

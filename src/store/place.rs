@@ -29,6 +29,9 @@ impl DatabaseAddress {
     pub(super) fn parse(place: &str, create: bool) -> Result<Self, StoreError> {
         sqlx::any::install_default_drivers();
         if place.starts_with("postgres://") || place.starts_with("postgresql://") {
+            if !cfg!(feature = "postgres") {
+                return Err(LocationError::NoPostgres.into());
+            }
             let mut address = Self::connect_to(DatabaseKind::Postgres, place, false)?;
             encrypt(&mut address.options);
             return Ok(address);

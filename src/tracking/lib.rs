@@ -4,9 +4,9 @@
 //! `sensor` is the camera and [`Beacon`] the layout of LEDs; `correspondence` identifies blobs as
 //! LEDs; `solve` finds the pose of a single view; `filter` joins poses over time; [`Tracker`] does
 //! all of it. `calibrate` finds the camera from a survey; `host` sets up a remote's camera;
-//! `simulate` makes recordings; `igtl` and `vrpn` encode poses for other
-//! programs and decode those of other trackers, whose axes `tool` describes. Sockets, threads and
-//! clocks are not here.
+//! `simulate` makes recordings; `igtl` encodes poses for other programs
+//! and decodes those of other trackers, whose axes `tool` describes. Sockets, threads and clocks are
+//! not here.
 //!
 //! | space | definition |
 //! |---|---|
@@ -46,7 +46,6 @@ mod simulate;
 mod solve;
 mod tool;
 mod tracker;
-mod vrpn;
 
 pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
 
@@ -100,4 +99,3 @@ pub use tracker::{
     DroppedReports, FilterKind, Frame, Frames, PoseRecord, SolverKind, TrackedSample, Tracker,
     TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,
 };
-pub use vrpn::{VRPN_BUTTONS, VRPN_PORT, VrpnError, VrpnEvent, VrpnReader, VrpnWriter};

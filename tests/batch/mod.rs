@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 mod access;
 mod annotated;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 mod buckets;
 mod dataset;
 mod films;
@@ -14,9 +14,9 @@ mod interrupted;
 mod labels;
 mod manifests;
 mod query;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 mod queue;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 pub(crate) mod services;
 mod slurm;
 

@@ -1,5 +1,5 @@
 //! Pointers of `relief client --pointer`: a SpaceMouse behind a stand-in for spacenavd, and trackers
-//! that pyigtl and VRPN's own library play. The server is a stand-in that reads what the client sends.
+//! that pyigtl plays. The server is a stand-in that reads what the client sends.
 #![cfg(unix)]
 
 use std::io::Write;
@@ -148,46 +148,6 @@ while True:
     time.sleep(0.02)
 ";
 
-/// A tracker of VRPN's own library: sends the poses of sensor 1 and a button for a second, and those of
-/// sensor 0 until it is stopped; prints a line when it listens.
-const VRPN: &str = r"
-import ctypes, struct, sys, time, motioncapture
-library = ctypes.CDLL(motioncapture.__file__)
-handle = ctypes.c_void_p
-class Time(ctypes.Structure):
-    _fields_ = [('seconds', ctypes.c_long), ('microseconds', ctypes.c_long)]
-def function(name, result, *arguments):
-    found = library[name]
-    found.restype, found.argtypes = result, arguments
-    return found
-listen = function('_Z29vrpn_create_server_connectionPKcS0_S0_', handle, *[ctypes.c_char_p] * 3)
-construct = function('_ZN19vrpn_Tracker_ServerC1EPKcP15vrpn_Connectioni', None, handle, ctypes.c_char_p, handle, ctypes.c_int)
-report = function('_ZN19vrpn_Tracker_Server11report_poseEi7timevalPKdS2_j', ctypes.c_int, handle, ctypes.c_int, Time, handle, handle, ctypes.c_uint)
-serve = function('_ZN19vrpn_Tracker_Server8mainloopEv', None, handle)
-send = function('_ZN18vrpn_Connection_IP8mainloopEPK7timeval', ctypes.c_int, handle, handle)
-sender_of = function('_ZN15vrpn_Connection15register_senderEPKc', ctypes.c_int, handle, ctypes.c_char_p)
-type_of = function('_ZN15vrpn_Connection21register_message_typeEPKc', ctypes.c_int, handle, ctypes.c_char_p)
-pack = function('_ZN15vrpn_Connection12pack_messageEj7timevaliiPKcj', ctypes.c_int, handle, ctypes.c_uint, Time, ctypes.c_int, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
-is_connected = function('_ZNK15vrpn_Connection9connectedEv', ctypes.c_int, handle)
-connection = listen(b':' + sys.argv[1].encode(), None, None)
-tracker = ctypes.create_string_buffer(1 << 20)
-construct(tracker, b'Stylus', connection, 2)
-sender, change = sender_of(connection, b'Stylus'), type_of(connection, b'vrpn_Button Change')
-position, turn, level = (ctypes.c_double * 3)(0.01, -0.02, 0.9), (ctypes.c_double * 4)(0, 0, 0.5**0.5, 0.5**0.5), (ctypes.c_double * 4)(0, 0, 0, 1)
-print('ready', flush=True)
-sent = 0
-while True:
-    now = Time(int(time.time()), 0)
-    report(tracker, 0, now, position, level, 4)
-    if sent < 50:
-        sent += is_connected(connection)
-        report(tracker, 1, now, position, turn, 4)
-        pack(connection, 8, now, change, sender, struct.pack('>ii', 1, 1), 1)
-    serve(tracker)
-    send(connection, None)
-    time.sleep(0.02)
-";
-
 /// A tracker that this script plays, and its port; `None` where a peer is missing.
 fn played(script: &str) -> Option<(Client, u16)> {
     let Some(python) = std::env::var_os("RELIEF_PEERS_PYTHON") else {
@@ -244,15 +204,5 @@ async fn tracked(pointer: &str) -> (Client, Socket) {
 async fn transforms_of_pyigtl_are_the_poses_of_a_hand() {
     let Some((_tracker, port)) = played(PYIGTL) else { return };
     let (_client, mut socket) = tracked(&format!("igtl:127.0.0.1:{port}/StylusToTracker")).await;
-    hand(&mut socket, |hand| hand.state == TrackingState::Lost).await;
-}
-
-/// Invariant: A tracker of VRPN's own library moves the hand of a view and presses its buttons; a
-/// sensor that is out of sight is lost, although others are tracked.
-#[tokio::test]
-async fn reports_of_vrpn_are_the_poses_of_a_hand() {
-    let Some((_tracker, port)) = played(VRPN) else { return };
-    let (_client, mut socket) = tracked(&format!("vrpn:Stylus@127.0.0.1:{port}/1")).await;
-    hand(&mut socket, |hand| hand.buttons == ["b"]).await;
     hand(&mut socket, |hand| hand.state == TrackingState::Lost).await;
 }

@@ -7,7 +7,7 @@
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
 #![cfg(target_os = "linux")]
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 mod buckets;
 mod capacity;
 mod compose;

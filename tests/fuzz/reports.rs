@@ -2,7 +2,7 @@
 
 use relief_tracking::{
     Beacon, Calibrations, InputReport, MAX_REPORT_BYTES, MotionPlus, Output, Pinhole, RecordingReader,
-    Tracker, TrackerOptions, VrpnError, VrpnEvent, VrpnReader, VrpnWriter,
+    Tracker, TrackerOptions,
 };
 
 /// A recording, a camera file, a beacon, and messages of trackers.
@@ -11,7 +11,6 @@ pub(crate) fn recording(bytes: &[u8]) {
     let _ = MotionPlus::decode(bytes);
     let _ = bytes.first_chunk().map(relief_tracking::IgtlHeader::decode);
     transform(bytes);
-    vrpn(bytes);
     for line in RecordingReader::new(bytes) {
         if line.is_err() {
             break;
@@ -50,24 +49,6 @@ fn transform(body: &[u8]) {
         let header = relief_tracking::IgtlHeader { version, ..header.clone() };
         if let Ok(Some(pose)) = relief_tracking::igtl_pose(&header, body) {
             assert!(pose.position.iter().all(|mm| mm.is_finite()), "{pose:?}");
-        }
-    }
-}
-
-/// The bytes of a VRPN server after its cookie and its descriptions.
-fn vrpn(bytes: &[u8]) {
-    for greeting in [Vec::new(), VrpnWriter::default().greeting("tool")] {
-        let mut reader = VrpnReader::default();
-        reader.push(&greeting);
-        reader.push(bytes);
-        loop {
-            match reader.next_event() {
-                Ok(Some(VrpnEvent::Pose { pose, .. })) => {
-                    assert!(pose.position.iter().all(|mm| mm.is_finite()), "{pose:?}");
-                }
-                Ok(Some(_)) | Err(VrpnError::Content(_)) => {}
-                Ok(None) | Err(_) => break,
-            }
         }
     }
 }

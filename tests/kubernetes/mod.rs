@@ -26,7 +26,7 @@ fn arguments(manifest: &str) -> Vec<String> {
 ///
 /// Their files are not on this machine, so the commands fail; but with status 1 and not with 2,
 /// which is for wrong arguments.
-#[cfg(feature = "cluster")]
+#[cfg(feature = "full")]
 #[test]
 fn relief_takes_the_command_lines_of_the_manifests() {
     let expected = [

@@ -1,5 +1,5 @@
-//! `relief track` and `relief calibrate`, beside other solvers and libraries, a remote that a
-//! kernel plays, and a kernel's pointer.
+//! `relief track` and `relief calibrate`, beside other solvers and libraries, and a remote that a
+//! kernel plays.
 
 mod command;
 mod cwiid;
@@ -8,5 +8,3 @@ mod kernel;
 mod peers;
 #[cfg(target_os = "linux")]
 mod uhid;
-#[cfg(target_os = "linux")]
-mod uinput;

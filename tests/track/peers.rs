@@ -1,4 +1,4 @@
-//! Poses against OpenCV, PoseLib, IPOPT, pyigtl and VRPN's own library: code that is not ours, on the same pixels and
+//! Poses against OpenCV, PoseLib, IPOPT, and pyigtl: code that is not ours, on the same pixels and
 //! bytes.
 //!
 //! Runs where `RELIEF_PEERS_PYTHON` names a Python that has them, and says aloud where it does not.
@@ -76,17 +76,6 @@ while not isinstance(message, pyigtl.TransformMessage):
     message = client.wait_for_message('WiimoteToBeacon', timeout=5)
 print(json.dumps({'matrix': message.matrix.tolist(), 'timestamp': message.timestamp}))
 client.stop()
-";
-
-/// Receives one frame by VRPN's own library, and prints the pose.
-const VRPN: &str = r"
-import json, sys, motioncapture
-client = motioncapture.connect('vrpn', {'hostname': sys.argv[1]})
-while not client.rigidBodies:
-    client.waitForNextFrame()
-body = client.rigidBodies['Wiimote']
-turn = body.rotation
-print(json.dumps({'position_m': body.position.tolist(), 'xyzw': [turn.x, turn.y, turn.z, turn.w]}))
 ";
 
 /// `relief track` that plays a recording and publishes its poses.
@@ -168,30 +157,4 @@ fn pyigtl_receives_the_published_poses() {
         .expect("the pose of that report");
     let matrix = |axis: usize| received["matrix"][axis][3].as_f64().unwrap();
     assert!(Publisher::distance_mm(of_that_time, [0, 1, 2].map(matrix)) < 1e-3, "{of_that_time} {received}");
-}
-
-/// Invariant: VRPN's own library receives the published poses, whether it connects by TCP or asks by a
-/// datagram.
-#[test]
-fn vrpn_receives_the_published_poses() {
-    for scheme in ["tcp://", ""] {
-        let Some(mut python) = python("vrpn_receives_the_published_poses", "motioncapture") else { return };
-        let mut publisher = Publisher::start("--vrpn");
-        let address = format!("{scheme}127.0.0.1:{}", publisher.port);
-        let received = publisher.received(python.args(["-c", VRPN, &address]));
-        let position_mm =
-            [0, 1, 2].map(|axis: usize| received["position_m"][axis].as_f64().unwrap() * 1000.0);
-        // Its positions have single precision.
-        let sent = publisher
-            .poses
-            .iter()
-            .filter(|pose| pose["position_mm"].is_array())
-            .find(|pose| Publisher::distance_mm(pose, position_mm) < 1e-3)
-            .unwrap_or_else(|| panic!("no pose of the recording is {received}"));
-        for axis in 0..4 {
-            let [ours, theirs] =
-                [&sent["orientation_xyzw"], &received["xyzw"]].map(|turn| turn[axis].as_f64().unwrap());
-            assert!((ours - theirs).abs() < 1e-6, "{sent} {received}");
-        }
-    }
 }

@@ -1,27 +1,18 @@
 //! Fetches a listing of a bucket into a copy; for archives see `retrieved`.
 
-use std::collections::HashMap;
 use std::io::{Error, ErrorKind};
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 use data_encoding::HEXLOWER;
 use sha2::{Digest, Sha256};
 
-use super::shelf::{CopyFolder, Draft, WantedCopy};
+use super::shelf::{Draft, WantedCopy};
+use super::state::of_this_machine;
 use super::{Copies, Local};
 use crate::bucket::{Bucket, Object};
 use crate::location::{Location, SERIES_ENDINGS};
 use crate::output_file::OutputFile;
-use relief_archive::Archive;
-
-/// The folder, and the buckets and archives that were opened.
-#[derive(Debug, Default)]
-pub(super) struct State {
-    shelf: Option<CopyFolder>,
-    buckets: HashMap<String, Arc<Bucket>>,
-    pub(super) archives: HashMap<String, Arc<Archive>>,
-}
 
 /// Endings that no slice has.
 const OTHER_ENDINGS: [&str; 8] = [".json", ".csv", ".txt", ".md", ".html", ".xml", ".png", ".jpg"];
@@ -127,20 +118,6 @@ impl Copies {
         state.buckets.insert(name.to_owned(), Arc::clone(&opened));
         Ok(opened)
     }
-
-    /// The value is whole between statements.
-    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl State {
-    pub(super) fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
-        if self.shelf.is_none() {
-            self.shelf = Some(CopyFolder::open(folder)?);
-        }
-        self.shelf.as_ref().ok_or_else(|| Error::other("no folder for copies"))
-    }
 }
 
 /// A number, and the ending: files beside slices that are known by theirs are no defects.
@@ -151,14 +128,6 @@ fn file_name(number: usize, object: &Object) -> String {
         .into_iter()
         .find(|ending| name.ends_with(ending));
     format!("{number:06}{}", known.unwrap_or_default())
-}
-
-/// A failure of this machine's folder says nothing about the series: a later try may succeed.
-pub(super) fn of_this_machine(error: Error) -> Error {
-    match error.kind() {
-        ErrorKind::NotFound | ErrorKind::InvalidInput => Error::other(error),
-        _ => error,
-    }
 }
 
 fn nothing() -> Error {

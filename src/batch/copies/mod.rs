@@ -8,12 +8,14 @@
 //!
 //! Files of a copy are numbered: what objects are called may name patients.
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "buckets")]
 mod fetched;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod retrieved;
-#[cfg(feature = "cluster")]
+#[cfg(any(feature = "archives", feature = "buckets"))]
 mod shelf;
+#[cfg(any(feature = "archives", feature = "buckets"))]
+mod state;
 
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -36,7 +38,7 @@ pub struct CopiesOptions {
     /// Reads copies in child processes; this process reads them if absent.
     pub isolated: Option<IsolatedReader>,
     /// The credentials for archives.
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     pub archives: relief_archive::ArchiveAccess,
     /// Is notified while a series of an archive is retrieved.
     pub progress: CopyProgress,
@@ -50,8 +52,8 @@ pub struct CopyProgress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
 #[derive(Clone, Debug)]
 pub struct Copies {
     options: CopiesOptions,
-    #[cfg(feature = "cluster")]
-    state: Arc<std::sync::Mutex<fetched::State>>,
+    #[cfg(any(feature = "archives", feature = "buckets"))]
+    state: Arc<std::sync::Mutex<state::State>>,
 }
 
 /// Files of this machine: a series' own, or a copy that stays while this lives.
@@ -69,7 +71,7 @@ impl CopyProgress {
         Self(Some(Arc::new(notify)))
     }
 
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     fn report(&self, done: usize, all: usize) {
         self.0.iter().for_each(|notify| notify(done, all));
     }
@@ -100,7 +102,7 @@ impl Copies {
     pub fn new(options: CopiesOptions) -> Self {
         Self {
             options,
-            #[cfg(feature = "cluster")]
+            #[cfg(any(feature = "archives", feature = "buckets"))]
             state: Arc::default(),
         }
     }
@@ -126,12 +128,14 @@ impl Copies {
         }
         match location {
             Location::Local(path) => Ok(Local { path, held: None, isolated: None }),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Location::Bucket { bucket, prefix } => self.copy(&bucket, &prefix),
-            #[cfg(feature = "cluster")]
+            #[cfg(not(feature = "buckets"))]
+            Location::Bucket { .. } => Err(lacks("buckets")),
+            #[cfg(feature = "archives")]
             Location::Archive(address) => self.retrieve(&address),
-            #[cfg(not(feature = "cluster"))]
-            Location::Bucket { .. } | Location::Archive(_) => Err(no_buckets()),
+            #[cfg(not(feature = "archives"))]
+            Location::Archive(_) => Err(lacks("archives")),
         }
     }
 
@@ -144,12 +148,14 @@ impl Copies {
     pub fn places(&self, root: &Path) -> std::io::Result<Vec<PathBuf>> {
         match location(root)? {
             Location::Local(path) => Ok(vec![path]),
-            #[cfg(feature = "cluster")]
+            #[cfg(feature = "buckets")]
             Location::Bucket { bucket, prefix } => self.places_in(&bucket, &prefix),
-            #[cfg(feature = "cluster")]
+            #[cfg(not(feature = "buckets"))]
+            Location::Bucket { .. } => Err(lacks("buckets")),
+            #[cfg(feature = "archives")]
             Location::Archive(address) => self.places_in_archive(&address),
-            #[cfg(not(feature = "cluster"))]
-            Location::Bucket { .. } | Location::Archive(_) => Err(no_buckets()),
+            #[cfg(not(feature = "archives"))]
+            Location::Archive(_) => Err(lacks("archives")),
         }
     }
 }
@@ -189,12 +195,10 @@ fn location(path: &Path) -> std::io::Result<Location> {
     Location::of(path).map_err(|reason| Error::new(ErrorKind::InvalidInput, reason))
 }
 
-#[cfg(not(feature = "cluster"))]
-fn no_buckets() -> Error {
-    Error::new(
-        ErrorKind::InvalidInput,
-        "this program was built without the feature `cluster`: it reads no buckets and no archives",
-    )
+#[cfg(not(all(feature = "archives", feature = "buckets")))]
+fn lacks(feature: &str) -> Error {
+    let reason = format!("this build does not read {feature}: build relief with --features {feature}");
+    Error::new(ErrorKind::InvalidInput, reason)
 }
 
 #[cfg(test)]

@@ -13,8 +13,8 @@ use relief_archive::{Archive, ArchiveAddress, FoundSeries, OutgoingObject, Retri
 use relief_base::sha256_of_file;
 use sha2::{Digest, Sha256};
 
-use super::fetched::of_this_machine;
 use super::shelf::{Draft, WantedCopy};
+use super::state::of_this_machine;
 use super::{Copies, Local};
 use crate::output_file::OutputFile;
 

@@ -2,9 +2,9 @@
 
 mod copies;
 mod plan;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "queue")]
 mod queue;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod send;
 mod shared;
 
@@ -64,9 +64,9 @@ enum Command {
     Plan(PlanArguments),
     Run(RunArguments),
     Report(ReportArguments),
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "queue")]
     Submit(queue::SubmitArguments),
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "queue")]
     Work(queue::WorkArguments),
 }
 
@@ -93,7 +93,7 @@ struct RunArguments {
     memory: Option<u64>,
     /// Store the products capture and annotated-capture in this DICOM archive,
     /// dicomweb+https://HOST/ROOT, when the run ends; objects that it has are not sent again
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     #[arg(long, value_name = "ARCHIVE", value_parser = send::parse_archive)]
     send: Option<relief_archive::ArchiveAddress>,
     #[command(flatten)]
@@ -147,9 +147,9 @@ pub(super) fn run(arguments: BatchArguments) -> anyhow::Result<ExitCode> {
         Command::Plan(arguments) => write_plan(&arguments),
         Command::Run(arguments) => run_manifest(&arguments),
         Command::Report(arguments) => report(&arguments),
-        #[cfg(feature = "cluster")]
+        #[cfg(feature = "queue")]
         Command::Submit(arguments) => queue::submit(&arguments),
-        #[cfg(feature = "cluster")]
+        #[cfg(feature = "queue")]
         Command::Work(arguments) => queue::run_worker(&arguments),
     }
 }
@@ -168,7 +168,7 @@ fn report(ReportArguments { manifest, out, bucket, films }: &ReportArguments) ->
 }
 
 /// The jobs that workers of a queue have not done, and why.
-#[cfg(feature = "cluster")]
+#[cfg(feature = "queue")]
 fn failed_attempts(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     use relief_batch::{FailedAttempt, Record};
     // Combinations that cannot work are refused where the report is requested.
@@ -176,7 +176,7 @@ fn failed_attempts(jobs: &[Job], sink: &Sink) -> Vec<Failure> {
     open.filter_map(|job| FailedAttempt::read(job, sink)).map(|attempt| attempt.failure).collect()
 }
 
-#[cfg(not(feature = "cluster"))]
+#[cfg(not(feature = "queue"))]
 fn failed_attempts(_: &[Job], _: &Sink) -> Vec<Failure> {
     Vec::new()
 }
@@ -187,7 +187,7 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if let Some(unknown) = only.iter().find(|key| !jobs.iter().any(|job| job.job == **key)) {
         bail!("no job of {} has the key {}", arguments.manifest.display(), unknown.0);
     }
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     if arguments.send.is_some() {
         send::expect_objects(&jobs)?;
     }
@@ -213,15 +213,15 @@ fn run_manifest(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         write_report(&jobs, &summary.failures, &options.out, &films).context("cannot write the report")?;
     }
     let took = [started, reporting].map(|since| since.elapsed());
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     let sent = match &arguments.send {
         Some(archive) => Some(send::send(&jobs, &options.out, &options.copies, archive)?),
         None => None,
     };
-    #[cfg(not(feature = "cluster"))]
+    #[cfg(not(feature = "archives"))]
     let sent: Option<()> = None;
     let code = tell(arguments, &summary, took, &json!(sent))?;
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     if let Some(sent) = sent {
         if !arguments.json {
             say!("{}", sent.describe());

@@ -54,7 +54,7 @@ fn run_session(
     }
     #[cfg(not(feature = "window"))]
     if !arguments.headless.headless {
-        bail!("this program was built without its window (feature window); --headless works without one");
+        bail!("{}; --headless works without it", crate::features::lacks("the window", "window"));
     }
     drop(remote);
     eyes::start(&arguments.eyes, &handle, Box::new(|_| ()))?;

@@ -28,7 +28,7 @@ impl Finding {
         Self { mark, what, found, advice: Vec::new() }
     }
 
-    pub(super) fn advise<const N: usize>(self, advice: [&str; N]) -> Self {
-        Self { advice: advice.map(str::to_owned).into(), ..self }
+    pub(super) fn advise(self, advice: impl IntoIterator<Item: Into<String>>) -> Self {
+        Self { advice: advice.into_iter().map(Into::into).collect(), ..self }
     }
 }

@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::features::{FEATURES, Feature};
 use super::output::{print_json, say};
 use finding::{Finding, Mark};
 use isolation::isolation_finding;
@@ -112,7 +113,7 @@ fn examine() -> DoctorReport {
         findings,
     };
     report.examine_choice();
-    report.findings.push(jpeg_ls_finding());
+    report.findings.push(features_finding());
     report.findings.push(isolation_finding());
     report
 }
@@ -334,13 +335,14 @@ impl SelfTest {
     }
 }
 
-fn jpeg_ls_finding() -> Finding {
-    if cfg!(feature = "jpeg-ls") {
-        return Finding::new(Mark::Ok, "codecs", "all transfer syntaxes, with JPEG-LS".to_owned());
-    }
-    let found = "all transfer syntaxes but JPEG-LS, which was left out of this build".to_owned();
-    Finding::new(Mark::Warn, "codecs", found)
-        .advise(["build with --features jpeg-ls; it needs cmake and a C++ compiler"])
+/// The features of this build. What it lacks is no defect.
+fn features_finding() -> Finding {
+    let (built, lacking): (Vec<Feature>, Vec<Feature>) =
+        FEATURES.into_iter().partition(|feature| feature.is_built);
+    let built: Vec<&str> = built.iter().map(|feature| feature.name).collect();
+    let found = if built.is_empty() { "those of every build".to_owned() } else { built.join(", ") };
+    let advice = lacking.iter().map(|feature| format!("--features {} adds {}", feature.name, feature.adds));
+    Finding::new(Mark::Ok, "features", found).advise(advice)
 }
 
 fn readable(report: &DoctorReport) -> String {

@@ -1,7 +1,7 @@
 //! `relief inspect`: describes a series, a 2D-plus-depth frame, a film of frames, a panel or what a
 //! DICOM archive has, and reports errors.
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod archive;
 mod film;
 pub(crate) mod frame;
@@ -80,7 +80,7 @@ struct SeriesReport {
 
 #[expect(clippy::needless_pass_by_value, reason = "every subcommand takes its arguments")]
 pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     if let Some(address) = archive_address(&arguments.path)? {
         let InspectArguments { archive, show_patient_data, json, .. } = &arguments;
         return archive::run(&address, &archive.access()?, *show_patient_data, *json);
@@ -110,7 +110,7 @@ pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
 }
 
 /// The address of an archive, if the path is one.
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 fn archive_address(path: &Path) -> anyhow::Result<Option<relief_archive::ArchiveAddress>> {
     let text = path.to_str().filter(|text| text.starts_with(relief_archive::SCHEME));
     Ok(text.map(str::parse).transpose()?)

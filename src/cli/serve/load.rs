@@ -74,12 +74,12 @@ impl SeriesLocation {
     }
 
     /// A series of an archive.
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     pub(crate) fn of_archive(path: PathBuf, archive: &relief_archive::ArchiveAddress) -> Self {
         Self { path, labels: None, among: Some((PathBuf::from(archive.to_string()), 1, 1)) }
     }
 
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }

@@ -3,13 +3,13 @@
 //! The address is printed as soon as it answers; series load behind it, and `/readyz` says when
 //! frames can be had.
 
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod archives;
 mod faults;
 mod identity;
 mod load;
 mod readers;
-#[cfg(feature = "cluster")]
+#[cfg(feature = "archives")]
 mod receive;
 pub(crate) mod series;
 
@@ -87,14 +87,14 @@ pub(super) struct ServeArguments {
     copies: CopiesArguments,
     /// A DICOM archive that the page searches and loads series from, by this name; for callers who
     /// may add volumes; may be given several times
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     #[arg(long, value_name = "NAME=ADDRESS")]
     archive: Vec<archives::NamedArchive>,
     /// Let callers who may annotate store pictures and annotations in the archives of --archive
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     #[arg(long, requires = "archive")]
     archive_results: bool,
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     #[command(flatten)]
     reception: receive::ReceptionArguments,
     /// Log of annotations: a file, sqlite:FILE or postgres://USER@HOST/DATABASE; created if it does
@@ -172,9 +172,9 @@ enum Uploads {
 
 pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let copies = arguments.copies.copies()?;
-    #[cfg_attr(not(feature = "cluster"), expect(unused_mut, reason = "nothing is received"))]
+    #[cfg_attr(not(feature = "archives"), expect(unused_mut, reason = "nothing is received"))]
     let mut places = places(&arguments.series, &arguments.labels, &copies)?;
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     places.extend(arguments.reception.kept()?);
     let admission = arguments.identity.admission(arguments.listen)?;
     let audit = arguments.identity.audit()?;
@@ -208,7 +208,7 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let options = arguments.options.clone();
     let loader =
         Arc::new(SeriesLoader { copies, options, limits, of_buckets: of_buckets(arguments.isolation)? });
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     if !arguments.archive.is_empty() {
         let archives = archives::SearchedArchives::new(
             &arguments.archive,
@@ -220,15 +220,15 @@ pub(super) fn run(arguments: &ServeArguments) -> anyhow::Result<ExitCode> {
     let server = server.reading_labels(readers.labels).reading_annotations(readers.annotations);
     let server = Arc::new(server);
     server.expect_volumes(places.len());
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     let reception = arguments.reception.start()?;
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     let arrivals = reception.as_ref().map(receive::Reception::arrivals);
-    #[cfg(not(feature = "cluster"))]
+    #[cfg(not(feature = "archives"))]
     let arrivals = None;
     let load = |server| load_behind(places, loader, server, arrivals);
     let outcome = runtime.block_on(serve(arguments, tls, server, load));
-    #[cfg(feature = "cluster")]
+    #[cfg(feature = "archives")]
     drop(reception);
     service.shut_down();
     if let Some(log) = log {

@@ -11,8 +11,6 @@ pub(crate) mod scene;
 mod simulate;
 pub(crate) mod source;
 mod views;
-#[cfg(target_os = "linux")]
-mod virtual_pointer;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,15 +18,15 @@ use std::time::Instant;
 
 use display::{Display, Sink};
 use intents::Intents;
-use publish::{PublishArguments, Published, Publishers};
+use publish::{PublishArguments, Published, Publisher};
 use relief_tracking::{
-    Beacon, Buttons, FilterKind, MotionDensity, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
+    Beacon, FilterKind, MotionDensity, PoseRecord, Sensitivity, SolverKind, Tracker, TrackerOptions,
     quantised_noise,
 };
 use scene::TrackSceneArguments;
 use source::{Event, LiveOptions, Source};
 
-/// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines, OpenIGTLink or VRPN.
+/// Track a Wiimote: from the blobs its camera sees to poses, as JSON lines or OpenIGTLink.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, after_help = AFTER_HELP)]
 pub(super) struct TrackArguments {
@@ -46,7 +44,6 @@ Examples:
   relief track simulate --out rec.jsonl                     a hand that points at the recommended beacon
   relief track --reports rec.jsonl --out poses.jsonl --intents intents.jsonl
   relief track --reports hidraw --beacon beacon.toml --sensor camera.yaml --igtl 127.0.0.1:18944
-  relief track --reports hidraw --uinput 930x523            the pointer of this desktop, on a screen of that size in mm
   relief track experiment                                   the 2009 paper's experiment, simulated
   relief track beacon                                       the recommended beacon as a file";
 
@@ -93,9 +90,6 @@ struct FollowArguments {
     json: bool,
     #[command(flatten)]
     publish: PublishArguments,
-    #[cfg(target_os = "linux")]
-    #[command(flatten)]
-    pointer: virtual_pointer::VirtualPointerArguments,
     /// Publish the pose as it will be this much later
     #[arg(long, value_name = "MS", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=50))]
     predict_ms: u8,
@@ -224,10 +218,7 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
         record: arguments.record.clone(),
     };
     let mut source = Source::open(reports, &live)?;
-    let publishers = Publishers::start(&arguments.publish)?;
-    #[cfg(target_os = "linux")]
-    let mut pointer = arguments.pointer.create()?;
-    let mut buttons = Buttons::default();
+    let publisher = Publisher::start(&arguments.publish)?;
     let mut display = Display::new(Sink::choose(arguments.out.as_deref(), arguments.json)?);
     let hand = arguments.hand.as_deref();
     let mut intents = arguments.intents.as_deref().map(|path| Intents::create(path, hand)).transpose()?;
@@ -237,7 +228,6 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
         match source.next() {
             Ok(Some(Event::Report(t_ns, report))) => {
                 intents.as_mut().map_or(Ok(()), |intents| intents.report(t_ns, &report))?;
-                buttons = report.buttons().unwrap_or(buttons);
                 let start = Instant::now();
                 let Some(sample) = tracker.push(t_ns, &report) else { continue };
                 let solve_us = start.elapsed().as_secs_f64() * 1e6;
@@ -246,11 +236,7 @@ fn follow(arguments: &FollowArguments) -> anyhow::Result<ExitCode> {
                     if ahead_s > 0.0 { tracker.predicted(ahead_s).or(sample.pose) } else { sample.pose };
                 let pose = sample.pose.and(pose);
                 let unix_ns = t_ns + u64::from(arguments.predict_ms) * 1_000_000;
-                publishers.publish(Published { unix_ns, pose, buttons });
-                #[cfg(target_os = "linux")]
-                if let Some(pointer) = &mut pointer {
-                    pointer.update(pose.as_ref(), buttons)?;
-                }
+                publisher.publish(Published { unix_ns, pose });
                 display.show(&PoseRecord::new(&sample, solve_us))?;
             }
             Ok(Some(Event::Calibration(accelerometer, gyroscope))) => {

@@ -32,7 +32,7 @@ pub(super) fn start(source: &Network, tool: Tool, relay: Relay) -> anyhow::Resul
             if let Err(error) = relay(&mut connection, &source) {
                 eprintln!("the tracker at {address}: {error}; connecting again");
             }
-            connection.tool.disconnected();
+            connection.tool.lost();
             while !connection.tool.is_stopped() {
                 std::thread::sleep(LOOK_AGAIN);
                 if let Ok(stream) = connect(&address) {

@@ -7,7 +7,6 @@ mod opentrack;
 #[cfg(unix)]
 mod spacemouse;
 mod tool;
-mod vrpn;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -23,10 +22,9 @@ const SPACENAVD: &str = "/var/run/spnav.sock";
 #[derive(Debug, clap::Args)]
 pub(crate) struct PointerArguments {
     /// Another pointer: spacemouse (by spacenavd), spacemouse:SOCKET, igtl:HOST:PORT[/DEVICE], a
-    /// tracker that sends OpenIGTLink transforms, `vrpn:DEVICE@HOST[:PORT][/SENSOR]`, a tracker of a
-    /// VRPN server, opentrack or opentrack:ADDRESS:PORT, one that sends OpenTrack's output "UDP over
-    /// network" to 127.0.0.1:4242 or another address of this machine. The space bar is the button A
-    /// of a tracker's tool
+    /// tracker that sends OpenIGTLink transforms, opentrack or opentrack:ADDRESS:PORT, one that sends
+    /// OpenTrack's output "UDP over network" to 127.0.0.1:4242 or another address of this machine. The
+    /// space bar is the button A of a tracker's tool
     #[arg(long, value_name = "SOURCE", value_parser = parse, conflicts_with_all = ["measure", "replay"])]
     pointer: Option<Pointer>,
     /// Axes of the tracker and of its tool: JSON with display_from_tracker and tool_from_pointer, rows
@@ -42,8 +40,6 @@ enum Pointer {
     SpaceMouse(PathBuf),
     /// A server of OpenIGTLink.
     Igtl(Network),
-    /// A server of VRPN.
-    Vrpn(Network),
     /// The address that OpenTrack sends to.
     OpenTrack(SocketAddr),
 }
@@ -63,18 +59,13 @@ fn parse(text: &str) -> Result<Pointer, String> {
             _ => {}
         }
     }
-    let known = text.strip_prefix("igtl:").and_then(network::igtl_source).map(Pointer::Igtl);
-    let known =
-        known.or_else(|| text.strip_prefix("vrpn:").and_then(network::vrpn_source).map(Pointer::Vrpn));
-    if let Some(pointer) = known {
-        return Ok(pointer);
+    if let Some(source) = text.strip_prefix("igtl:").and_then(network::igtl_source) {
+        return Ok(Pointer::Igtl(source));
     }
     if text.starts_with("opentrack") {
         return eyes::source(text).map(Pointer::OpenTrack);
     }
-    Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE], vrpn:DEVICE@HOST[:PORT][/SENSOR] and \
-         opentrack[:ADDRESS:PORT]"
-        .to_owned())
+    Err("pointers are spacemouse[:SOCKET], igtl:HOST:PORT[/DEVICE] and opentrack[:ADDRESS:PORT]".to_owned())
 }
 
 /// Starts reading, on a thread that ends with the session.
@@ -84,7 +75,7 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
     match pointer {
         Pointer::SpaceMouse(socket) => {
             if geometry.is_some() {
-                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl, vrpn or opentrack)");
+                anyhow::bail!("--tracker-geometry needs a tracker (--pointer igtl or opentrack)");
             }
             #[cfg(unix)]
             return spacemouse::start(socket, handle);
@@ -92,7 +83,6 @@ pub(crate) fn start(arguments: &PointerArguments, handle: &Handle) -> anyhow::Re
             anyhow::bail!("spacenavd at {} needs Unix", socket.display());
         }
         Pointer::Igtl(source) => connection::start(source, Tool::new(geometry, handle)?, igtl::relay),
-        Pointer::Vrpn(source) => connection::start(source, Tool::new(geometry, handle)?, vrpn::relay),
         Pointer::OpenTrack(address) => opentrack::start(*address, Tool::new(geometry, handle)?),
     }
 }
@@ -105,18 +95,11 @@ mod tests {
     fn sources_are_sockets_and_addresses() {
         assert_eq!(parse("spacemouse"), Ok(Pointer::SpaceMouse(SPACENAVD.into())));
         assert_eq!(parse("spacemouse:/tmp/s"), Ok(Pointer::SpaceMouse("/tmp/s".into())));
-        let network = |address: &str, device: Option<&str>, sensor| Network {
-            address: address.to_owned(),
-            device: device.map(str::to_owned),
-            sensor,
+        let igtl = |address: &str, device: Option<&str>| {
+            Pointer::Igtl(Network { address: address.to_owned(), device: device.map(str::to_owned) })
         };
-        let igtl = |address, device| Pointer::Igtl(network(address, device, 0));
-        let vrpn = |device, address, sensor| Pointer::Vrpn(network(address, Some(device), sensor));
         assert_eq!(parse("igtl:plus:18944"), Ok(igtl("plus:18944", None)));
         assert_eq!(parse("igtl:[::1]:18944/Stylus"), Ok(igtl("[::1]:18944", Some("Stylus"))));
-        assert_eq!(parse("vrpn:Tracker0@plus"), Ok(vrpn("Tracker0", "plus:3883", 0)));
-        assert_eq!(parse("vrpn:a@b@[::1]:99/2"), Ok(vrpn("a@b", "[::1]:99", 2)));
-        assert_eq!(parse("vrpn:Wand@[::1]"), Ok(vrpn("Wand", "[::1]:3883", 0)));
         assert_eq!(parse("opentrack"), Ok(Pointer::OpenTrack(SocketAddr::from(([127, 0, 0, 1], 4242)))));
         let other = SocketAddr::from(([0, 0, 0, 0], 5000));
         assert_eq!(parse("opentrack:0.0.0.0:5000"), Ok(Pointer::OpenTrack(other)));
@@ -129,14 +112,6 @@ mod tests {
             "igtl::1",
             "igtl:plus:x",
             "igtl:plus:1/",
-            "vrpn:",
-            "vrpn:host",
-            "vrpn:@host",
-            "vrpn:a@",
-            "vrpn:a@::1",
-            "vrpn:a@host/x",
-            "vrpn:a@host/-1",
-            "vrpn:a@host:x",
             "mouse",
             "opentrack:",
             "opentrack:4242",

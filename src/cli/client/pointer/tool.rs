@@ -18,7 +18,6 @@ pub(super) struct Tool {
     handle: Handle,
     /// The newest pose, before the display, and its time.
     seen: Option<(SensorPose, Instant)>,
-    held: Buttons,
     has_reported: bool,
 }
 
@@ -27,13 +26,7 @@ impl Tool {
     pub(super) fn new(geometry: Option<&Path>, handle: &Handle) -> anyhow::Result<Self> {
         let placement = read_placement(geometry)?;
         handle.attach_tool();
-        Ok(Self {
-            placement,
-            handle: handle.clone(),
-            seen: None,
-            held: Buttons::default(),
-            has_reported: false,
-        })
+        Ok(Self { placement, handle: handle.clone(), seen: None, has_reported: false })
     }
 
     pub(super) fn is_stopped(&self) -> bool {
@@ -46,12 +39,6 @@ impl Tool {
         self.send();
     }
 
-    /// Sends a button of the tool itself.
-    pub(super) fn pressed(&mut self, button: Buttons, is_held: bool) {
-        self.held = if is_held { self.held.with(button) } else { self.held.without(button) };
-        self.send();
-    }
-
     /// Sends a lost tool when its last pose is too old. Other tools and messages may go on while this
     /// tool is out of sight.
     pub(super) fn check_silence(&mut self) {
@@ -60,18 +47,10 @@ impl Tool {
         }
     }
 
-    /// Sends a lost tool. Its buttons stay as they are.
+    /// Sends a lost tool.
     pub(super) fn lost(&mut self) {
         self.seen = None;
         self.send();
-    }
-
-    /// Sends a lost tool, then the release of its buttons, which has no effect any more.
-    pub(super) fn disconnected(&mut self) {
-        self.lost();
-        if std::mem::take(&mut self.held) != Buttons::default() {
-            self.send();
-        }
     }
 
     /// Prints the first invalid message; later ones are left out silently.
@@ -84,8 +63,8 @@ impl Tool {
     fn send(&self) {
         let state = if self.seen.is_some() { TrackingState::Tracking } else { TrackingState::Lost };
         let pose = self.seen.map(|(pose, _)| (pose.position.into(), pose.orientation_xyzw()));
-        // The space bar is button A, too.
-        let held = if self.handle.is_tool_held() { self.held.with(Buttons::A) } else { self.held };
+        // The space bar is button A.
+        let held = if self.handle.is_tool_held() { Buttons::A } else { Buttons::default() };
         let buttons = held.names().map(str::to_owned).collect();
         self.handle.pose(self.handle.now_ns(), PoseKind::Remote(RemotePose { state, pose, buttons }));
     }

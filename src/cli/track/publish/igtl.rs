@@ -1,42 +1,24 @@
 //! OpenIGTLink: every client gets TRANSFORM and POSITION, and TDATA when it asks for it.
 
 use std::io::ErrorKind;
-use std::net::{TcpListener, TcpStream};
 
 use relief_tracking::{IGTL_HEADER_BYTES, IgtlHeader};
 
-use super::protocol::{Listener, Published, Session};
+use super::Published;
 
 const DEVICE: &str = "WiimoteToBeacon";
 const TOOL: &str = "Wiimote";
 
-pub(super) struct Server(pub(super) TcpListener);
-
-impl Listener for Server {
-    type Session = IgtlSession;
-
-    fn accept(&mut self) -> Option<TcpStream> {
-        self.0.accept().ok().map(|(stream, _)| stream)
-    }
-
-    fn session(&self) -> IgtlSession {
-        IgtlSession::default()
-    }
-}
-
+/// One client's side of the protocol.
 #[derive(Default)]
 pub(super) struct IgtlSession {
     incoming: Vec<u8>,
     wants_tracking_data: bool,
 }
 
-impl Session for IgtlSession {
-    fn greeting(&mut self) -> Vec<u8> {
-        Vec::new()
-    }
-
+impl IgtlSession {
     /// Executes STT_TDATA and STP_TDATA.
-    fn answer(&mut self, received: &[u8], unix_ns: u64) -> std::io::Result<Vec<u8>> {
+    pub(super) fn answer(&mut self, received: &[u8], unix_ns: u64) -> std::io::Result<Vec<u8>> {
         self.incoming.extend_from_slice(received);
         let mut answer = Vec::new();
         while let Some(head) = self.incoming.first_chunk::<IGTL_HEADER_BYTES>() {
@@ -55,9 +37,10 @@ impl Session for IgtlSession {
         Ok(answer)
     }
 
-    fn publish(&mut self, published: &Published) -> Vec<u8> {
+    /// The messages of a new state.
+    pub(super) fn publish(&mut self, published: &Published) -> Vec<u8> {
         let mut bytes = Vec::new();
-        let Published { unix_ns, pose, .. } = *published;
+        let Published { unix_ns, pose } = *published;
         if let Some(pose) = &pose {
             bytes.extend(relief_tracking::igtl_transform(DEVICE, unix_ns, pose));
             bytes.extend(relief_tracking::igtl_position(DEVICE, unix_ns, pose));

@@ -1,74 +1,71 @@
-//! Servers of poses and buttons for other programs.
+//! A server of poses for other programs, by OpenIGTLink.
 //!
-//! Each protocol has one thread for its listener and all clients. Only the newest state waits for it.
-//! A client that does not accept data within 50 ms is disconnected, so that it does not delay the
-//! others.
+//! One thread serves the listener and all clients. Only the newest state waits for it. A client that
+//! does not accept data within 50 ms is disconnected, so that it does not delay the others.
 
 mod igtl;
-mod protocol;
-mod vrpn;
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-pub(crate) use protocol::Published;
-use protocol::{Listener, STALL, Session, listen};
+use anyhow::Context;
+use relief_tracking::SensorPose;
+
+use igtl::IgtlSession;
 
 const MAX_CLIENTS: usize = 16;
+/// Longest time that a client may delay the others.
+const STALL: Duration = Duration::from_millis(50);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct PublishArguments {
     /// Serve poses over OpenIGTLink (TRANSFORM, POSITION; TDATA to those who ask)
     #[arg(long, value_name = "ADDRESS:PORT")]
     igtl: Option<SocketAddr>,
-    /// Serve poses and buttons over VRPN, as the tracker and button device Wiimote; VRPN's own port
-    /// is 3883
-    #[arg(long, value_name = "ADDRESS:PORT")]
-    vrpn: Option<SocketAddr>,
 }
 
-/// The servers that run.
-pub(crate) struct Publishers(Vec<SyncSender<Published>>);
+/// The tracked Wiimote at one time.
+#[derive(Clone, Copy)]
+pub(crate) struct Published {
+    /// Time since 1970, ns.
+    pub(crate) unix_ns: u64,
+    /// `beacon_from_sensor`, while tracking.
+    pub(crate) pose: Option<SensorPose>,
+}
 
-impl Publishers {
-    /// Starts the chosen servers, and prints their addresses.
+/// The server, where one was chosen.
+pub(crate) struct Publisher(Option<SyncSender<Published>>);
+
+impl Publisher {
+    /// Starts the chosen server, and prints its address.
     pub(crate) fn start(arguments: &PublishArguments) -> anyhow::Result<Self> {
-        let mut publishers = Vec::new();
-        if let Some(address) = arguments.igtl {
-            let listener = listen(address)?;
-            eprintln!("OpenIGTLink on {}", listener.local_addr()?);
-            publishers.push(start("openigtlink", igtl::Server(listener))?);
-        }
-        if let Some(address) = arguments.vrpn {
-            let server = vrpn::Server::listen(address)?;
-            eprintln!("VRPN on {}", server.local_addr()?);
-            publishers.push(start("vrpn", server)?);
-        }
-        Ok(Self(publishers))
+        let Some(address) = arguments.igtl else { return Ok(Self(None)) };
+        let listener = TcpListener::bind(address).with_context(|| format!("cannot listen on {address}"))?;
+        listener.set_nonblocking(true)?;
+        eprintln!("OpenIGTLink on {}", listener.local_addr()?);
+        let (states, received) = sync_channel(1);
+        std::thread::Builder::new()
+            .name("openigtlink".to_owned())
+            .spawn(move || serve(&listener, &received))?;
+        Ok(Self(Some(states)))
     }
 
     /// Hands over a state; a server that is busy leaves it out, as a newer one follows.
     pub(crate) fn publish(&self, published: Published) {
-        for publisher in &self.0 {
+        if let Some(publisher) = &self.0 {
             let _ = publisher.try_send(published);
         }
     }
 }
 
-fn start(name: &str, listener: impl Listener) -> anyhow::Result<SyncSender<Published>> {
-    let (states, received) = sync_channel(1);
-    std::thread::Builder::new().name(name.to_owned()).spawn(move || serve(listener, &received))?;
-    Ok(states)
-}
-
-fn serve<L: Listener>(mut listener: L, states: &Receiver<Published>) {
-    let mut clients: Vec<Client<L::Session>> = Vec::new();
+fn serve(listener: &TcpListener, states: &Receiver<Published>) {
+    let mut clients: Vec<Client> = Vec::new();
     loop {
-        while let Some(stream) = listener.accept() {
+        while let Ok((stream, _)) = listener.accept() {
             if clients.len() < MAX_CLIENTS {
-                clients.extend(Client::greet(stream, listener.session()));
+                clients.extend(Client::new(stream));
             }
         }
         match states.recv_timeout(Duration::from_millis(20)) {
@@ -79,19 +76,18 @@ fn serve<L: Listener>(mut listener: L, states: &Receiver<Published>) {
     }
 }
 
-struct Client<S> {
+struct Client {
     stream: TcpStream,
-    session: S,
+    session: IgtlSession,
 }
 
-impl<S: Session> Client<S> {
-    fn greet(mut stream: TcpStream, mut session: S) -> Option<Self> {
+impl Client {
+    fn new(stream: TcpStream) -> Option<Self> {
         // Accepted sockets do not wait on some systems, as their listener.
         stream.set_nonblocking(false).ok()?;
         stream.set_write_timeout(Some(STALL)).ok()?;
         stream.set_nodelay(true).ok()?;
-        stream.write_all(&session.greeting()).ok()?;
-        Some(Self { stream, session })
+        Some(Self { stream, session: IgtlSession::default() })
     }
 
     fn serve(&mut self, published: Option<&Published>) -> std::io::Result<()> {

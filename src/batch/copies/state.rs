@@ -1,0 +1,43 @@
+//! The folder of copies, and the buckets and archives that were opened.
+
+use std::collections::HashMap;
+use std::io::{Error, ErrorKind};
+use std::path::Path;
+use std::sync::{Arc, MutexGuard, PoisonError};
+
+use super::Copies;
+use super::shelf::CopyFolder;
+
+/// What is opened once and shared by all users of the copies.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    shelf: Option<CopyFolder>,
+    #[cfg(feature = "buckets")]
+    pub(super) buckets: HashMap<String, Arc<crate::bucket::Bucket>>,
+    #[cfg(feature = "archives")]
+    pub(super) archives: HashMap<String, Arc<relief_archive::Archive>>,
+}
+
+impl Copies {
+    /// The value is whole between statements.
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    pub(super) fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
+        if self.shelf.is_none() {
+            self.shelf = Some(CopyFolder::open(folder)?);
+        }
+        self.shelf.as_ref().ok_or_else(|| Error::other("no folder for copies"))
+    }
+}
+
+/// A failure of this machine's folder says nothing about the series: a later try may succeed.
+pub(super) fn of_this_machine(error: Error) -> Error {
+    match error.kind() {
+        ErrorKind::NotFound | ErrorKind::InvalidInput => Error::other(error),
+        _ => error,
+    }
+}
