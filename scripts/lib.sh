@@ -234,7 +234,7 @@ build_release() {
         printf '%s\n' "$RELIEF_PROGRAM"
         return
     fi
-    (cd "$RELIEF_ROOT" && cargo build --release --locked >&2) || die "relief does not build"
+    (cd "$RELIEF_ROOT" && cargo build --release --locked --features full >&2) || die "relief does not build"
     printf '%s/release/relief\n' "$(target_folder)"
 }
 

@@ -6,7 +6,9 @@ mod archive;
 mod batch;
 mod browser;
 mod client;
+#[cfg(feature = "full")]
 mod cluster;
+#[cfg(feature = "full")]
 mod commands;
 mod common;
 #[path = "common/postgres.rs"]

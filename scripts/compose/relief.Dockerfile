@@ -4,7 +4,7 @@ RUN apt-get update && apt-get install -y --no-install-recommends cmake g++ && rm
 WORKDIR /relief
 COPY . .
 # A server has no window.
-RUN cargo build --release --locked --no-default-features --features cluster,jpeg-ls
+RUN cargo build --release --locked --features archives,buckets,jpeg-ls,postgres,queue,traces
 
 FROM debian:bookworm-slim
 RUN sed 's/bookworm bookworm-updates/bookworm-backports/' /etc/apt/sources.list.d/debian.sources \

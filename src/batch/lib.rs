@@ -4,7 +4,7 @@
 //! renders those that are not done. A job's key is a hash of the inputs of its outputs (the
 //! series' bytes, the scene, the products, this version), so that work done stays done wherever the
 //! files lie, and a changed series or scene is another job. What it is not: no queue and no cluster
-//! of our own; with the feature `cluster`, `queue` speaks to NATS and `bucket` to S3. Workers share
+//! of our own; `queue` (feature `queue`) speaks to NATS and `bucket` (feature `buckets`) to S3. Workers share
 //! nothing but the outputs.
 //!
 //! Outputs appear complete, by renaming; a record beside them, written last, has their hashes. A

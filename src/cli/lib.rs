@@ -21,6 +21,7 @@ mod doctor;
 mod eye;
 mod features;
 mod golden;
+mod headless;
 mod inspect;
 mod isolation;
 mod labels;
@@ -135,6 +136,7 @@ pub fn main() -> ExitCode {
     if matches!(arguments.command, Command::DecodeWorker) {
         return relief_isolation::serve(); // before anything starts a thread or opens a file
     }
+    headless::leave_window_systems();
     let _traces = match start_logging(&arguments.command) {
         Ok(traces) => traces, // sent until the end
         Err(error) => {

@@ -61,7 +61,7 @@ use pools::{Current, PATIENCE, Pools, READERS};
 /// The longest time that a database may take to begin a transaction.
 const ANSWER: Duration = Duration::from_secs(5);
 /// The longest time that closing waits for calls in progress.
-const CLOSING: Duration = Duration::from_millis(1500);
+const CLOSING: Duration = Duration::from_secs(5);
 
 /// An open log. A clone is the same log; calls may come from many tasks at once.
 #[derive(Clone)]

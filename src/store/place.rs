@@ -124,7 +124,20 @@ mod tests {
         );
         assert_eq!(url("sqlite:///a.db", true).2, "sqlite:///a.db?mode=rwc");
         assert!(url("sqlite:/a.db?immutable=1", true).1);
-        assert_eq!(url("postgres://me@localhost/x", true).0, DatabaseKind::Postgres);
+        for wrong in
+            ["", "mysql://x/y", "sqlite::memory:", "sqlite:", "sqlite:/a?mode=memory", "postgres://[x"]
+        {
+            assert!(matches!(DatabaseAddress::parse(wrong, true), Err(StoreError::Place(_))), "{wrong}");
+        }
+    }
+
+    #[cfg(feature = "postgres")]
+    #[test]
+    fn databases_elsewhere_are_reached_encrypted() {
+        assert_eq!(
+            DatabaseAddress::parse("postgres://me@localhost/x", true).unwrap().kind,
+            DatabaseKind::Postgres
+        );
         for (place, query) in [
             ("postgres://me@localhost/x", None),
             ("postgres://me@[::1]:5432/x", None),
@@ -136,10 +149,14 @@ mod tests {
             let found = DatabaseAddress::parse(place, true).unwrap().options.database_url;
             assert_eq!(found.query(), query, "{place}");
         }
-        for wrong in
-            ["", "mysql://x/y", "sqlite::memory:", "sqlite:", "sqlite:/a?mode=memory", "postgres://[x"]
-        {
-            assert!(matches!(DatabaseAddress::parse(wrong, true), Err(StoreError::Place(_))), "{wrong}");
-        }
+    }
+
+    #[cfg(not(feature = "postgres"))]
+    #[test]
+    fn a_build_without_postgres_names_the_feature() {
+        let Err(error) = DatabaseAddress::parse("postgres://me@localhost/x", true) else {
+            panic!("no driver")
+        };
+        assert!(error.to_string().contains("--features postgres"), "{error}");
     }
 }

@@ -119,8 +119,52 @@ fn an_adapter_that_is_not_there_fails_and_what_there_is_is_listed() {
 }
 
 #[test]
-fn the_codecs_are_those_of_this_build() {
+fn the_features_are_those_of_this_build() {
     let report = json(&doctor(&["--json"], &[]));
-    let codecs = finding(&report, "codecs");
-    assert_eq!(codecs["mark"] == "ok", cfg!(feature = "jpeg-ls"), "{codecs}");
+    let features = finding(&report, "features");
+    let built = features["found"].as_str().unwrap();
+    let lacking = features["advice"].to_string();
+    for (name, is_built) in [
+        ("archives", cfg!(feature = "archives")),
+        ("jpeg-ls", cfg!(feature = "jpeg-ls")),
+        ("window", cfg!(feature = "window")),
+    ] {
+        assert_eq!(built.contains(name), is_built, "{features}");
+        assert_eq!(lacking.contains(&format!("--features {name} ")), !is_built, "{features}");
+    }
+}
+
+/// Invariant: No library prints to stderr where there is no window system: layers that look for one are off.
+///
+/// The stand-in for Mesa's layer has no library. The loader reports that it cannot be opened, unless its
+/// switch is set.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_layer_looks_for_a_window_system() {
+    let folder = tempfile::tempdir().unwrap();
+    let layers = folder.path().join("vulkan/implicit_layer.d");
+    std::fs::create_dir_all(&layers).unwrap();
+    let layer = serde_json::json!({
+        "file_format_version": "1.0.0",
+        "layer": {
+            "name": "VK_LAYER_RELIEF_absent", "type": "GLOBAL", "library_path": "/nonexistent/relief_absent.so",
+            "api_version": "1.3.211", "implementation_version": "1", "description": "absent",
+            "disable_environment": { "NODEVICE_SELECT": "1" }
+        }
+    });
+    std::fs::write(layers.join("absent.json"), layer.to_string()).unwrap();
+    let run = |runtime: Option<&str>| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
+        command.arg("doctor").env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR");
+        command.env("XDG_DATA_HOME", folder.path()).env("VK_LOADER_DEBUG", "error");
+        let output = command.envs(runtime.map(|folder| ("XDG_RUNTIME_DIR", folder))).output().unwrap();
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    if !run(folder.path().to_str()).contains("relief_absent") {
+        let what = "no_layer_looks_for_a_window_system";
+        eprintln!("UNAVAILABLE: {what} (the Vulkan loader is absent, or reports no missing layer)");
+        return;
+    }
+    let said = run(None);
+    assert!(!said.contains("relief_absent"), "{said}");
 }

@@ -9,6 +9,7 @@ mod hostile;
 mod identity;
 mod packages;
 mod privacy;
+#[cfg(feature = "traces")]
 mod traces;
 
 use crate::common;

@@ -107,6 +107,12 @@ impl Copies {
         }
     }
 
+    /// The value is whole between statements.
+    #[cfg(any(feature = "archives", feature = "buckets"))]
+    fn lock(&self) -> std::sync::MutexGuard<'_, state::State> {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
     /// The same copies, which notify another one of the progress of retrievals.
     #[must_use]
     pub fn with_progress(&self, progress: CopyProgress) -> Self {

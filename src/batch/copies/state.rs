@@ -3,9 +3,8 @@
 use std::collections::HashMap;
 use std::io::{Error, ErrorKind};
 use std::path::Path;
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::Arc;
 
-use super::Copies;
 use super::shelf::CopyFolder;
 
 /// What is opened once and shared by all users of the copies.
@@ -16,13 +15,6 @@ pub(super) struct State {
     pub(super) buckets: HashMap<String, Arc<crate::bucket::Bucket>>,
     #[cfg(feature = "archives")]
     pub(super) archives: HashMap<String, Arc<relief_archive::Archive>>,
-}
-
-impl Copies {
-    /// The value is whole between statements.
-    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl State {

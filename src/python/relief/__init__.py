@@ -22,6 +22,11 @@ from typing import TYPE_CHECKING, Any, Optional
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
+# Vulkan draws in memory here. Where there is no window system, Mesa's layer of this switch would still look for one, and
+# libwayland would print an error for each look. The loader reads the switch when a device is opened.
+if not any(os.environ.get(name) for name in ("XDG_RUNTIME_DIR", "MESA_VK_DEVICE_SELECT", "DRI_PRIME")):
+    os.environ.setdefault("NODEVICE_SELECT", "1")
+
 from . import _native
 from ._annotations import Annotation, annotations_table, read_annotations, write_annotations
 from ._native import ReliefError

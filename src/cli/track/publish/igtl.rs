@@ -2,9 +2,7 @@
 
 use std::io::ErrorKind;
 
-use relief_tracking::{IGTL_HEADER_BYTES, IgtlHeader};
-
-use super::Published;
+use relief_tracking::{IGTL_HEADER_BYTES, IgtlHeader, SensorPose};
 
 const DEVICE: &str = "WiimoteToBeacon";
 const TOOL: &str = "Wiimote";
@@ -38,15 +36,14 @@ impl IgtlSession {
     }
 
     /// The messages of a new state.
-    pub(super) fn publish(&mut self, published: &Published) -> Vec<u8> {
+    pub(super) fn publish(&mut self, unix_ns: u64, pose: Option<&SensorPose>) -> Vec<u8> {
         let mut bytes = Vec::new();
-        let Published { unix_ns, pose } = *published;
-        if let Some(pose) = &pose {
+        if let Some(pose) = pose {
             bytes.extend(relief_tracking::igtl_transform(DEVICE, unix_ns, pose));
             bytes.extend(relief_tracking::igtl_position(DEVICE, unix_ns, pose));
         }
         if self.wants_tracking_data {
-            bytes.extend(relief_tracking::igtl_tracking_data(DEVICE, unix_ns, TOOL, pose.as_ref()));
+            bytes.extend(relief_tracking::igtl_tracking_data(DEVICE, unix_ns, TOOL, pose));
         }
         bytes
     }

@@ -92,7 +92,9 @@ impl Client {
 
     fn serve(&mut self, published: Option<&Published>) -> std::io::Result<()> {
         self.answer(published.map_or(0, |published| published.unix_ns))?;
-        let bytes = published.map_or_else(Vec::new, |published| self.session.publish(published));
+        let bytes = published.map_or_else(Vec::new, |published| {
+            self.session.publish(published.unix_ns, published.pose.as_ref())
+        });
         self.stream.write_all(&bytes)
     }
 
