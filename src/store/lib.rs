@@ -31,6 +31,8 @@ mod contents;
 mod error;
 mod faults;
 mod history;
+#[cfg(feature = "postgres")]
+mod listen;
 mod named;
 mod place;
 mod pools;

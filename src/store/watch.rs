@@ -13,13 +13,13 @@
 use std::time::Duration;
 
 use sqlx::any::AnyConnectOptions;
-use sqlx::pool::PoolOptions;
-use sqlx::postgres::{PgConnectOptions, PgListener};
-use sqlx::{Any, AnyConnection, AssertSqlSafe, ConnectOptions, Executor, Postgres, Transaction};
-use tokio::time::{sleep, timeout};
+use sqlx::{Any, AnyConnection, AssertSqlSafe, ConnectOptions, Executor, Transaction};
+use tokio::time::sleep;
 
 use super::Store;
-use super::error::{ConnectionFault, StoreError};
+use super::error::StoreError;
+#[cfg(feature = "postgres")]
+use super::listen::Listener;
 use super::place::DatabaseKind;
 use super::schema::number;
 
@@ -31,9 +31,6 @@ pub(super) const AUDIT: &str = "audit";
 /// The time between two queries of SQLite: a person sees a change within a quarter of a second as
 /// one that comes at once.
 const ASKING: Duration = Duration::from_millis(250);
-/// Interval of the probes of a listening connection, and their time limit.
-const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
-const REPLY: Duration = Duration::from_secs(5);
 
 /// The part of the log that may have changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +49,8 @@ pub struct Watch {
 }
 
 enum Source {
-    Postgres(PgListener),
+    #[cfg(feature = "postgres")]
+    Postgres(Listener),
     /// A connection that only polls, and the last answer.
     Sqlite(AnyConnection, i64),
 }
@@ -100,6 +98,7 @@ impl Watch {
             return Ok(Changed::Anything);
         };
         let heard = match source {
+            #[cfg(feature = "postgres")]
             Source::Postgres(listener) => heard(listener).await,
             Source::Sqlite(connection, version) => asked(connection, version).await,
         };
@@ -118,40 +117,20 @@ impl Source {
                 let version = version(&mut connection).await?;
                 Ok(Self::Sqlite(connection, version))
             }
-            DatabaseKind::Postgres => {
-                let options = PgConnectOptions::from_url(&options.database_url)?.disable_statement_logging();
-                let pool =
-                    PoolOptions::<Postgres>::new().max_connections(1).max_lifetime(None).idle_timeout(None);
-                let mut listener = PgListener::connect_with(&pool.connect_with(options).await?).await?;
-                listener.ignore_pool_close_event(true);
-                // A connection that was lost is an error here: the next call makes another one, and
-                // the log is read.
-                listener.eager_reconnect(false);
-                listener.listen(CHANNEL).await?;
-                Ok(Self::Postgres(listener))
-            }
+            #[cfg(feature = "postgres")]
+            DatabaseKind::Postgres => Ok(Self::Postgres(Listener::open(options, CHANNEL).await?)),
+            #[cfg(not(feature = "postgres"))]
+            DatabaseKind::Postgres => Err(super::error::LocationError::NoPostgres.into()),
         }
     }
 }
 
-async fn heard(listener: &mut PgListener) -> Result<Changed, StoreError> {
-    loop {
-        match timeout(SIGN_OF_LIFE, listener.try_recv()).await {
-            Ok(Ok(Some(first))) => {
-                // One look at the log is for all that came together.
-                let rest = std::iter::from_fn(|| listener.next_buffered());
-                let words: Vec<_> = std::iter::once(first).chain(rest).collect();
-                let only_events = words.iter().all(|word| word.payload().starts_with(EVENT));
-                return Ok(if only_events { Changed::Events } else { Changed::Anything });
-            }
-            Ok(Ok(None)) => return Err(ConnectionFault::ListenerLost.into()),
-            Ok(Err(error)) => return Err(error.into()),
-            Err(_) => {
-                let reply = timeout(REPLY, (&mut *listener).execute("SELECT 1")).await;
-                reply.map_err(|_| ConnectionFault::ListenerSilent)??;
-            }
-        }
-    }
+#[cfg(feature = "postgres")]
+async fn heard(listener: &mut Listener) -> Result<Changed, StoreError> {
+    // One look at the log is for all that came together.
+    let words = listener.words().await?;
+    let only_events = words.iter().all(|word| word.starts_with(EVENT));
+    Ok(if only_events { Changed::Events } else { Changed::Anything })
 }
 
 async fn asked(connection: &mut AnyConnection, known: &mut i64) -> Result<Changed, StoreError> {
