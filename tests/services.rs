@@ -11,6 +11,7 @@ mod cluster;
 #[cfg(feature = "full")]
 mod commands;
 mod common;
+#[cfg(feature = "full")]
 #[path = "common/postgres.rs"]
 mod postgres_server;
 mod server;

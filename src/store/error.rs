@@ -15,8 +15,10 @@ pub(super) enum ConnectionFault {
     Silent(Duration),
     #[error("its connections are broken")]
     Broken,
+    #[cfg(feature = "postgres")]
     #[error("the connection that listens was lost")]
     ListenerLost,
+    #[cfg(feature = "postgres")]
     #[error("the connection that listens is silent")]
     ListenerSilent,
 }

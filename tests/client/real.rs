@@ -88,6 +88,7 @@ impl Serving {
         answer.split_off(end + 4)
     }
 
+    #[cfg(all(feature = "window", target_os = "linux"))]
     /// Posts JSON; the answer has to be 200.
     pub(crate) fn post(&self, path: &str, body: &str) {
         let mut stream = TcpStream::connect(&self.address).unwrap();

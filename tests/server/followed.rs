@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 
 use axum::http::Method;
 use serde_json::{Value, json};
+#[cfg(feature = "full")]
 use sqlx::{AssertSqlSafe, Executor, Row};
 use tokio::time::timeout;
 
+#[cfg(feature = "full")]
 use crate::postgres_server::Server as Postgres;
 use crate::server::annotations::point;
 use crate::server::live_stage::{Client, PATIENCE, Running, intent};
@@ -186,6 +188,7 @@ async fn an_edit_of_many_items_is_told_as_one(place: &str) {
 
 /// The listening connections are cut, then the whole server; edits written meanwhile are pushed all
 /// the same.
+#[cfg(feature = "full")]
 async fn events_written_during_an_outage_are_published_afterwards(postgres: &mut Postgres, name: &str) {
     let [a, b] = pair(&postgres.url(name)).await;
     let (mut anna, _) = a.hello(json!({ "author": "anna", "settings": { "annotations": true } })).await;
@@ -226,6 +229,7 @@ async fn a_second_server_of_a_file_sees_and_tells_what_the_first_one_does() {
 
 /// Invariant: Live viewers are notified of every edit in the order of the log, from any server of
 /// the log; a server that loses its connection catches up.
+#[cfg(feature = "full")]
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_second_server_of_a_database_sees_and_tells_what_the_first_one_does() {
     let Some(mut postgres) = Postgres::start("events of two servers of one PostgreSQL database").await else {

@@ -7,7 +7,9 @@ mod damage;
 mod killed;
 mod made;
 mod model;
+#[cfg(feature = "full")]
 mod postgres;
+#[cfg(feature = "full")]
 mod postgres_tls;
 mod speed;
 mod writers;
@@ -26,6 +28,7 @@ macro_rules! scenarios {
         }
 
         /// Each on a database of its own.
+        #[cfg(feature = "full")]
         pub(crate) async fn all(server: &$crate::store::postgres::Server) {
             $(
                 let store = server.store(stringify!($name)).await;

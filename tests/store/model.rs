@@ -228,6 +228,7 @@ fn reported(event: &Event) -> (u64, u64, EventKind, Option<u64>, ItemId, u64, Op
 }
 
 /// A few random lines on another database: enough to see that it does the same.
+#[cfg(feature = "full")]
 pub(crate) async fn random_steps(server: &crate::store::postgres::Server) {
     use proptest::strategy::ValueTree;
     let mut runner = proptest::test_runner::TestRunner::deterministic();
