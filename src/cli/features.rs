@@ -1,4 +1,4 @@
-//! The features of this build, and what the commands say of those that it lacks.
+//! The features of this build, and the error message for a command or an option of a missing feature.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 

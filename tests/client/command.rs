@@ -19,7 +19,7 @@ fn invalid_arguments_are_refused_with_the_allowed_values() {
     for (more, status, expected) in [
         (&["--look", "1"][..], 2, "AZIMUTH,ELEVATION"),
         (&["--view", "a b"], 2, "letters, digits"),
-        (&["--rest", "true"], 2, "--headless"),
+        (&["--rest", "true"], 2, if cfg!(feature = "window") { "--headless" } else { "--features window" }),
         (&["--measure", "0"], 2, "0.1 to 3600 s"),
         (&["--layout", "depth16"], 1, "no picture with disparity"),
         (&["--role", "watcher", "--preset", "bone"], 1, "a watcher sees what presenters show"),
