@@ -1,8 +1,8 @@
 //! Changes as values: wanted ones ([`Edit`]) and those that were made ([`Event`]).
 
+use relief_base::OutOfRange;
 use serde::{Deserialize, Serialize};
 
-use super::check::ItemError;
 use super::item::{Item, ItemId};
 use super::time::Timestamp;
 
@@ -116,17 +116,17 @@ impl Edit {
     /// # Errors
     /// When the name is empty, long or of several lines, or the reason is long or has control
     /// characters but those of lines.
-    pub fn check_words(author: &str, reason: &str) -> Result<(), ItemError> {
+    pub fn check_words(author: &str, reason: &str) -> Result<(), OutOfRange> {
         let characters = author.chars().count();
         if !(1..=Item::LONGEST_NAME).contains(&characters) || author.contains(char::is_control) {
             let allowed = format!("1 to {} characters in one line", Item::LONGEST_NAME);
-            return Err(ItemError::new("author", &format!("{characters} characters"), &allowed));
+            return Err(OutOfRange::new("author", format!("{characters} characters"), allowed));
         }
         let characters = reason.chars().count();
         let is_odd = |letter: char| letter.is_control() && !"\n\r\t".contains(letter);
         if characters > Self::LONGEST_REASON || reason.contains(is_odd) {
             let allowed = format!("at most {} characters of text", Self::LONGEST_REASON);
-            return Err(ItemError::new("reason", &format!("{characters} characters"), &allowed));
+            return Err(OutOfRange::new("reason", format!("{characters} characters"), allowed));
         }
         Ok(())
     }
@@ -135,24 +135,20 @@ impl Edit {
     ///
     /// # Errors
     /// The first value that is wrong, with its path.
-    pub fn validate(&self) -> Result<(), ItemError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         Self::check_words(&self.author, &self.reason)?;
         if !(1..=Self::MOST_CHANGES).contains(&self.changes.len()) {
             let found = format!("{} changes", self.changes.len());
-            return Err(ItemError::new("changes", &found, &format!("1 to {}", Self::MOST_CHANGES)));
+            return Err(OutOfRange::new("changes", found, format!("1 to {}", Self::MOST_CHANGES)));
         }
         let mut known = std::collections::HashSet::new();
         for (index, change) in self.changes.iter().enumerate() {
             if !known.insert(change.id()) {
                 let path = format!("changes[{index}].id");
-                return Err(ItemError::new(&path, &change.id().to_string(), "one change for each item"));
+                return Err(OutOfRange::new(path, &change.id().to_string(), "one change for each item"));
             }
             if let Change::Create { item } | Change::Update { item, .. } = change {
-                let at = |error: ItemError| ItemError {
-                    path: format!("changes[{index}].item.{}", error.path),
-                    ..error
-                };
-                item.validate().map_err(at)?;
+                item.validate().map_err(|error| error.within(&format!("changes[{index}].item")))?;
             }
         }
         Ok(())

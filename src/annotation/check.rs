@@ -2,6 +2,7 @@
 //! the key's path.
 
 use super::geometry::Geometry;
+use relief_base::OutOfRange;
 
 // `Item` has these limits for its callers.
 pub(super) const LONGEST_NAME: usize = 120;
@@ -9,27 +10,7 @@ pub(super) const LONGEST_DESCRIPTION: usize = 10_000;
 pub(super) const MOST_POINTS: usize = 10_000;
 pub(super) const FARTHEST_MM: f64 = 1e6;
 
-/// An invalid value of an item.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{path} is {found}, allowed: {allowed}")]
-pub struct ItemError {
-    /// The key's path in the JSON form, such as `geometry.points_mm[3]`.
-    pub path: String,
-    /// The value.
-    pub found: String,
-    /// The allowed values.
-    pub allowed: String,
-}
-
-impl ItemError {
-    /// An error at a key's path.
-    #[must_use]
-    pub fn new(path: &str, found: &str, allowed: &str) -> Self {
-        Self { path: path.to_owned(), found: found.to_owned(), allowed: allowed.to_owned() }
-    }
-}
-
-pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
+pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), OutOfRange> {
     let points = geometry.points();
     for (index, point) in points.iter().enumerate() {
         let far = FARTHEST_MM;
@@ -40,7 +21,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
                 Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
                 _ => format!("geometry.points_mm[{index}]"),
             };
-            return Err(ItemError::new(&path, &mm.to_string(), &format!("-{far} to {far} mm each")));
+            return Err(OutOfRange::new(path, &mm.to_string(), format!("-{far} to {far} mm each")));
         }
     }
     match geometry {
@@ -49,7 +30,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
             if !(least..=MOST_POINTS).contains(&points.len()) {
                 let allowed = format!("{least} to {MOST_POINTS} of them");
                 let found = format!("{} points", points.len());
-                return Err(ItemError::new("geometry.points_mm", &found, &allowed));
+                return Err(OutOfRange::new("geometry.points_mm", found, allowed));
             }
             Ok(())
         }
@@ -58,7 +39,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
             unit("geometry.axis", axis)?;
             let cosine: f64 = normal.iter().zip(axis).map(|(a, b)| a * b).sum();
             if cosine.abs() > 1e-3 {
-                return Err(ItemError::new(
+                return Err(OutOfRange::new(
                     "geometry.axis",
                     "not across the normal",
                     "a direction in the plane",
@@ -75,48 +56,48 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), ItemError> {
     }
 }
 
-fn unit(path: &str, direction: &[f64; 3]) -> Result<(), ItemError> {
+fn unit(path: &str, direction: &[f64; 3]) -> Result<(), OutOfRange> {
     let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (0.999..=1.001).contains(&length) {
         return Ok(());
     }
-    Err(ItemError::new(path, &format!("{direction:?}, of length {length}"), "a unit vector"))
+    Err(OutOfRange::new(path, format!("{direction:?}, of length {length}"), "a unit vector"))
 }
 
-pub(super) fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), ItemError> {
+pub(super) fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), OutOfRange> {
     let inside = (low..=high).contains(&value);
-    inside.then_some(()).ok_or_else(|| ItemError::new(path, &value.to_string(), &format!("{low} to {high}")))
+    inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value.to_string(), format!("{low} to {high}")))
 }
 
-pub(super) fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), ItemError> {
+pub(super) fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), OutOfRange> {
     values.into_iter().try_for_each(|&value| within(path, value, [-1e9, 1e9]))
 }
 
 /// One line without control characters.
-pub(super) fn line(path: &str, found: &str, least: usize) -> Result<(), ItemError> {
+pub(super) fn line(path: &str, found: &str, least: usize) -> Result<(), OutOfRange> {
     let count = found.chars().count();
     if !(least..=LONGEST_NAME).contains(&count) {
         let allowed = format!("{least} to {LONGEST_NAME} characters");
-        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+        return Err(OutOfRange::new(path, format!("{count} characters"), allowed));
     }
     match found.chars().find(|letter| letter.is_control()) {
         Some(letter) => {
             let found = format!("a text with {letter:?}");
-            Err(ItemError::new(path, &found, "one line without control characters"))
+            Err(OutOfRange::new(path, found, "one line without control characters"))
         }
         None => Ok(()),
     }
 }
 
-pub(super) fn text(path: &str, found: &str) -> Result<(), ItemError> {
+pub(super) fn text(path: &str, found: &str) -> Result<(), OutOfRange> {
     let count = found.chars().count();
     if count > LONGEST_DESCRIPTION {
         let allowed = format!("at most {LONGEST_DESCRIPTION} characters");
-        return Err(ItemError::new(path, &format!("{count} characters"), &allowed));
+        return Err(OutOfRange::new(path, format!("{count} characters"), allowed));
     }
     match found.chars().find(|&letter| letter.is_control() && letter != '\n' && letter != '\t') {
         Some(letter) => {
-            Err(ItemError::new(path, &format!("a text with {letter:?}"), "lines without control characters"))
+            Err(OutOfRange::new(path, format!("a text with {letter:?}"), "lines without control characters"))
         }
         None => Ok(()),
     }

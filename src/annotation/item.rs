@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{self, ItemError, line, shortened, text, validate_geometry, within};
+use super::check::{self, line, shortened, text, validate_geometry, within};
 use super::geometry::Geometry;
 use super::placement::Placement;
 use super::time::Timestamp;
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 
 /// An annotation. The HTTP interface, the event log and `relief annotate list --json` use its JSON
 /// form.
@@ -146,14 +146,14 @@ impl Set {
     ///
     /// # Errors
     /// When it is empty, long, or has other characters than letters, digits, `-`, `_` and `.`.
-    pub fn check_name(name: &str) -> Result<(), ItemError> {
+    pub fn check_name(name: &str) -> Result<(), OutOfRange> {
         let is_good = |letter: char| letter.is_ascii_alphanumeric() || "-_.".contains(letter);
         let length = name.chars().count();
         if (1..=Self::LONGEST_NAME).contains(&length) && name.chars().all(is_good) {
             return Ok(());
         }
         let allowed = format!("1 to {} letters, digits, - _ and .", Self::LONGEST_NAME);
-        Err(ItemError::new("set", &shortened(name), &allowed))
+        Err(OutOfRange::new("set", &shortened(name), allowed))
     }
 }
 
@@ -205,7 +205,7 @@ impl Item {
     ///
     /// # Errors
     /// The first value that is wrong, with its key's path.
-    pub fn validate(&self) -> Result<(), ItemError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         Set::check_name(&self.set)?;
         line("name", &self.name, 1)?;
         line("list", &self.list, 0)?;
@@ -216,7 +216,7 @@ impl Item {
         // Its value is in no message.
         if frame.is_some_and(|frame| frame.is_empty() || frame.len() > 96 || frame.contains(char::is_control))
         {
-            return Err(ItemError::new("frame_of_reference", "no UID", "a UID, or volume: and digits"));
+            return Err(OutOfRange::new("frame_of_reference", "no UID", "a UID, or volume: and digits"));
         }
         for (index, channel) in self.rgb.iter().flatten().enumerate() {
             within(&format!("rgb[{index}]"), *channel, [0.0, 1.0])?;
@@ -225,11 +225,11 @@ impl Item {
             (State::Defined, Some(geometry)) => validate_geometry(geometry),
             (State::Missing | State::Skipped, None) => Ok(()),
             (State::Defined, None) => {
-                Err(ItemError::new("state", "defined, without a geometry", "missing or skipped without one"))
+                Err(OutOfRange::new("state", "defined, without a geometry", "missing or skipped without one"))
             }
             (state, Some(_)) => {
                 let found = format!("{state:?}, with a geometry").to_lowercase();
-                Err(ItemError::new("state", &found, "defined with one"))
+                Err(OutOfRange::new("state", found, "defined with one"))
             }
         }?;
         self.placement.as_ref().map_or(Ok(()), Placement::validate)
@@ -237,7 +237,7 @@ impl Item {
 }
 
 impl Concept {
-    fn validate(&self) -> Result<(), ItemError> {
+    fn validate(&self) -> Result<(), OutOfRange> {
         // Bounds of DICOM's SH and LO: a concept goes into its files.
         for (key, value, most) in
             [("code", &self.code, 16), ("scheme", &self.scheme, 16), ("meaning", &self.meaning, 64)]
@@ -245,7 +245,7 @@ impl Concept {
             line(&format!("concept.{key}"), value, 1)?;
             if value.chars().count() > most {
                 let found = format!("{} characters", value.chars().count());
-                return Err(ItemError::new(&format!("concept.{key}"), &found, &format!("1 to {most}")));
+                return Err(OutOfRange::new(format!("concept.{key}"), found, format!("1 to {most}")));
             }
         }
         Ok(())
@@ -292,24 +292,24 @@ impl std::fmt::Debug for ItemId {
 }
 
 impl std::str::FromStr for ItemId {
-    type Err = ItemError;
+    type Err = OutOfRange;
 
-    fn from_str(text: &str) -> Result<Self, ItemError> {
+    fn from_str(text: &str) -> Result<Self, OutOfRange> {
         let is_dash = |at: usize| [8, 13, 18, 23].contains(&at);
         let is_good =
             |(at, byte): (usize, u8)| if is_dash(at) { byte == b'-' } else { byte.is_ascii_hexdigit() };
         let digits =
             (text.len() == 36 && text.bytes().enumerate().all(is_good)).then(|| text.replace('-', ""));
         digits.and_then(|digits| u128::from_str_radix(&digits, 16).ok()).map(Self).ok_or_else(|| {
-            ItemError::new("id", &shortened(text), "a UUID, such as 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10")
+            OutOfRange::new("id", &shortened(text), "a UUID, such as 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10")
         })
     }
 }
 
 impl TryFrom<String> for ItemId {
-    type Error = ItemError;
+    type Error = OutOfRange;
 
-    fn try_from(text: String) -> Result<Self, ItemError> {
+    fn try_from(text: String) -> Result<Self, OutOfRange> {
         text.parse()
     }
 }

@@ -34,7 +34,6 @@ mod template;
 mod time;
 
 pub use change::{Author, Change, Edit, Event, EventKind, Versioned};
-pub use check::ItemError;
 pub use curve::catmull_rom;
 pub use geometry::{ContentId, Geometry, MeshSummary, RegionSummary};
 pub use item::{Concept, FrameOfReference, Item, ItemId, Set, State};
@@ -50,6 +49,6 @@ pub use mesh::{Decimation, Measures, MeshError, Smoothing, TriangleMesh, surface
 pub use placing::SnapError;
 pub use placing::{Snap, SnapFeature, Snapped, snap_point, value_at};
 pub use segmentation::{
-    Contour, FillError, Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion,
-    GrowthEnd, PaintError, RefineStep, Stroke, fill_contours, grow_region, paint_strokes, refine_region,
+    Contour, FillError, Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrownRegion, GrowthEnd,
+    RefineStep, Stroke, fill_contours, grow_region, paint_strokes, refine_region,
 };

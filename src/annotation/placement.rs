@@ -1,8 +1,9 @@
 //! How an item was placed: the method, the device in the hand, and the camera.
 
+use relief_base::OutOfRange;
 use serde::{Deserialize, Serialize};
 
-use super::check::{ItemError, finite, line};
+use super::check::{finite, line};
 
 /// How an item came to its place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,7 +73,7 @@ pub struct CameraRecord {
 }
 
 impl Placement {
-    pub(super) fn validate(&self) -> Result<(), ItemError> {
+    pub(super) fn validate(&self) -> Result<(), OutOfRange> {
         if let Some(device) = &self.device {
             line("placement.device.kind", &device.kind, 1)?;
             finite("placement.device.position_mm", device.position_mm.iter().flatten())?;

@@ -1,10 +1,10 @@
 //! The sets that are drawn over a picture.
 
+use relief_base::OutOfRange;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-use super::check::ItemError;
 use super::item::Set;
 
 /// The sets whose items are drawn. As JSON: `false`, `true`, names with commas between them, or a
@@ -25,7 +25,7 @@ pub enum ShownSets {
 pub enum ShownSetsError {
     /// A name that no set can have.
     #[error(transparent)]
-    Name(#[from] ItemError),
+    Name(#[from] OutOfRange),
     /// Neither true nor false nor names.
     #[error("expected true, false, or names of sets")]
     NotNames,

@@ -3,11 +3,11 @@
 //! A template is a value: `relief_store` stores it as text. Applying it to a set creates the
 //! missing items without a position; only the template states which kind each will be.
 
+use relief_base::OutOfRange;
 use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
-use super::check::ItemError;
 use super::geometry::Geometry;
 use super::item::{Concept, FrameOfReference, Item, Set, State};
 
@@ -100,7 +100,7 @@ pub enum TemplateError {
     },
     /// A value is out of its range.
     #[error(transparent)]
-    Wrong(#[from] ItemError),
+    Wrong(#[from] OutOfRange),
 }
 
 impl ExpectedKind {
@@ -153,7 +153,7 @@ impl Template {
     ///
     /// # Errors
     /// As [`validate`](Self::validate).
-    pub fn of_items<'a>(name: &str, items: impl IntoIterator<Item = &'a Item>) -> Result<Self, ItemError> {
+    pub fn of_items<'a>(name: &str, items: impl IntoIterator<Item = &'a Item>) -> Result<Self, OutOfRange> {
         let expected = |item: &Item| Expected {
             name: item.name.clone(),
             description: item.description.clone(),
@@ -171,25 +171,25 @@ impl Template {
     ///
     /// # Errors
     /// The first that is wrong, with its path.
-    pub fn validate(&self) -> Result<(), ItemError> {
-        Set::check_name(&self.name).map_err(|error| ItemError { path: "name".to_owned(), ..error })?;
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        Set::check_name(&self.name).map_err(|error| OutOfRange { path: "name".to_owned(), ..error })?;
         let count = self.items.len();
         if !(1..=Self::MOST_ITEMS).contains(&count) {
             let allowed = format!("1 to {}", Self::MOST_ITEMS);
-            return Err(ItemError::new("items", &format!("{count} items"), &allowed));
+            return Err(OutOfRange::new("items", format!("{count} items"), allowed));
         }
         let characters = self.description.chars().count();
         if characters > Item::LONGEST_DESCRIPTION {
             let allowed = format!("at most {} characters", Item::LONGEST_DESCRIPTION);
-            return Err(ItemError::new("description", &format!("{characters} characters"), &allowed));
+            return Err(OutOfRange::new("description", format!("{characters} characters"), allowed));
         }
         let mut known = HashSet::new();
         for (index, expected) in self.items.iter().enumerate() {
-            let at = |error: ItemError| ItemError { path: format!("items[{index}].{}", error.path), ..error };
+            let at = |error: OutOfRange| error.within(&format!("items[{index}]"));
             expected.validate().map_err(at)?;
             if !known.insert(&expected.name) {
                 let found = "the name of an item before it";
-                return Err(at(ItemError::new("name", found, "one item of each name")));
+                return Err(at(OutOfRange::new("name", found, "one item of each name")));
             }
         }
         Ok(())
@@ -257,7 +257,7 @@ impl Template {
 
 impl Expected {
     /// The same ranges as an item's.
-    fn validate(&self) -> Result<(), ItemError> {
+    fn validate(&self) -> Result<(), OutOfRange> {
         // The fields are those of an item that has no place yet, whose check they therefore pass.
         Item {
             id: super::item::ItemId::from_number(0),

@@ -6,8 +6,9 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
 use super::error::SeriesError;
@@ -172,7 +173,7 @@ pub(super) struct LastAnnotations(Mutex<HashMap<String, Arc<PreparedAnnotations>
 
 impl LastAnnotations {
     pub(super) fn get(&self, kept: &KeptAnnotations) -> Result<Arc<PreparedAnnotations>, SeriesError> {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.0.lock();
         if let Some(known) = last.get(&kept.sha256) {
             return Ok(Arc::clone(known));
         }

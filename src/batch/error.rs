@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use relief_base::OutOfRange;
 use relief_dicom::FormatError;
 use relief_render::SceneError;
 use relief_session::ContentError;
@@ -250,15 +251,8 @@ pub enum ViewError {
         key: String,
     },
     /// A value that is not allowed.
-    #[error("{key} is {found}, allowed: {allowed}")]
-    Value {
-        /// The key.
-        key: &'static str,
-        /// The value.
-        found: String,
-        /// The allowed values.
-        allowed: &'static str,
-    },
+    #[error(transparent)]
+    Value(#[from] OutOfRange),
     /// The scene is invalid.
     #[error(transparent)]
     Scene(#[from] SceneError),

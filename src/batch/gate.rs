@@ -1,6 +1,6 @@
 //! A limit of bytes that loading waits for.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use parking_lot::{Condvar, Mutex};
 
 /// Bytes that may be held at once.
 #[derive(Debug)]
@@ -29,17 +29,12 @@ impl MemoryBudget {
     /// Waits until this many bytes are free. A request beyond the limit waits until all are.
     pub(super) fn hold(&self, bytes: u64) -> ReservedMemory<'_> {
         let bytes = bytes.min(self.limit);
-        let mut held = self.lock();
+        let mut held = self.held.lock();
         while *held + bytes > self.limit {
-            held = self.freed.wait(held).unwrap_or_else(PoisonError::into_inner);
+            self.freed.wait(&mut held);
         }
         *held += bytes;
         ReservedMemory { gate: self, bytes }
-    }
-
-    /// A number is whole after a panic elsewhere, too.
-    fn lock(&self) -> MutexGuard<'_, u64> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -47,14 +42,14 @@ impl ReservedMemory<'_> {
     /// Counts bytes that exist already, without waiting for room: later requests wait for them.
     pub(super) fn grow(&mut self, bytes: u64) {
         self.bytes += bytes;
-        *self.gate.lock() += bytes;
+        *self.gate.held.lock() += bytes;
     }
 
     /// Releases bytes that were not needed.
     pub(super) fn shrink(&mut self, bytes: u64) {
         let spare = self.bytes.saturating_sub(bytes);
         self.bytes -= spare;
-        *self.gate.lock() -= spare;
+        *self.gate.held.lock() -= spare;
         self.gate.freed.notify_all();
     }
 }
@@ -83,6 +78,6 @@ mod tests {
             drop(second);
             third.join().unwrap();
         });
-        assert_eq!(*gate.lock(), 0);
+        assert_eq!(*gate.held.lock(), 0);
     }
 }

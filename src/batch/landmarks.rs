@@ -24,7 +24,7 @@ const LEAST_SLOPE: f64 = 15.0;
 /// least.
 const RADII_MM: [f64; 2] = [1.5, 3.0];
 /// Height of a landmark's view at the landmark's depth at zoom 1, mm.
-pub const LANDMARK_VIEW_MM: f64 = 160.0;
+pub(crate) const LANDMARK_VIEW_MM: f64 = 160.0;
 /// Most letters of an item's name in that of its view.
 const LONGEST_NAME: usize = 40;
 

@@ -45,7 +45,6 @@ mod source;
 mod turntable;
 mod views;
 
-pub use crate::product::DEPTH_UNIT_MM;
 pub use annotations::KeptAnnotations;
 #[cfg(feature = "buckets")]
 pub use bucket::Bucket;
@@ -55,12 +54,10 @@ pub use error::{
     ViewError, ViewsError,
 };
 pub use isolation::{IsolatedReader, IsolationError};
-pub use landmarks::LANDMARK_VIEW_MM;
 pub use location::{Location, LocationError};
 pub use log::AnnotationLog;
 pub use manifest::{InvalidShard, Job, JobKey, Shard, read_manifest};
 pub use plan::{Plan, Request, Root, Skipped, plan};
-pub use pose::ViewCamera;
 pub use product::{Product, ProductSet, UnknownProduct};
 pub use query::{InvalidCondition, Query, SeriesFacts, UnmetCondition};
 pub use record::Record;

@@ -15,7 +15,7 @@ use relief_volume::Projection;
 /// The content of `VIEW.camera.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ViewCamera {
+pub(crate) struct ViewCamera {
     /// Width and height of the picture.
     pub size_px: [u32; 2],
     /// Intrinsics, row by row, px; the centre of the first pixel is (0, 0). There is no distortion.

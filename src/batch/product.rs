@@ -136,4 +136,4 @@ impl FromStr for ProductSet {
 pub struct UnknownProduct;
 
 /// The unit of 16-bit depth: tenths of a millimetre.
-pub const DEPTH_UNIT_MM: f64 = 0.1;
+pub(crate) const DEPTH_UNIT_MM: f64 = 0.1;

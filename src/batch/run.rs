@@ -3,10 +3,11 @@
 
 use std::borrow::Borrow;
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use parking_lot::Mutex;
 use rayon::prelude::*;
 
 use super::annotations::PreparedAnnotations;
@@ -222,7 +223,7 @@ fn render(
 }
 
 fn write_all<J: Borrow<Job>>(pictures: &Mutex<Receiver<Finished<J>>>, shared: &RunState<'_>) {
-    let next = || pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
+    let next = || pictures.lock().recv();
     while let Ok(picture) = next() {
         let (job, started) = (picture.job.borrow(), Instant::now());
         let written = write(&picture, shared);

@@ -1,6 +1,6 @@
 //! The state of a run: its events, its outcome, and where its time went.
 
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 
 use super::annotations::LastAnnotations;
 use super::error::{Failure, SeriesError};
@@ -69,11 +69,11 @@ impl<'a> RunState<'a> {
     }
 
     pub(super) fn into_summary(self) -> Summary {
-        self.summary.into_inner().unwrap_or_else(PoisonError::into_inner)
+        self.summary.into_inner()
     }
 
     pub(super) fn change(&self, change: impl FnOnce(&mut Summary)) {
-        change(&mut self.summary.lock().unwrap_or_else(PoisonError::into_inner));
+        change(&mut self.summary.lock());
     }
 
     pub(super) fn fail(&self, job: &Job, SeriesError { kind, reason }: SeriesError) {

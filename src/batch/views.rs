@@ -6,6 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::error::{PlanError, ViewError, ViewsError};
 use super::names::{NAMES, is_name};
+use relief_base::OutOfRange;
 use relief_render::SceneFile;
 
 /// A view by name, and its difference to the shared scene.
@@ -140,7 +141,8 @@ fn read_view(view: &Value) -> Result<View, ViewError> {
     if let Some(key) = object.keys().find(|key| !KEYS.contains(&key.as_str())) {
         return Err(ViewError::UnknownKey { key: key.clone() });
     }
-    let wrong = |key, found: &Value, allowed| ViewError::Value { key, found: found.to_string(), allowed };
+    let wrong =
+        |key: &str, found: &Value, allowed: &str| ViewError::Value(OutOfRange::new(key, found, allowed));
     let text = |key| match object.get(key) {
         None => Ok(String::new()),
         Some(Value::String(text)) => Ok(text.clone()),

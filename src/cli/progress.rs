@@ -1,11 +1,11 @@
 //! Progress of reading and retrieving a series: a bar on a terminal, log lines elsewhere.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use parking_lot::Mutex;
 use relief_dicom::{Progress, Stage};
 
 /// Work shorter than this is done before anyone wonders.
@@ -42,7 +42,7 @@ impl Reporter {
 
     fn report_as(&self, verb: &'static str, done: usize, total: usize) {
         self.log_quarter(verb, done, total);
-        let Ok(mut bar) = self.bar.lock() else { return };
+        let mut bar = self.bar.lock();
         let bar = bar.get_or_insert_with(|| new_bar(verb, total));
         bar.inc(1);
         if bar.position() >= total as u64 {

@@ -25,14 +25,9 @@ pub(super) struct SeriesOptions {
     pub(super) downsample: u8,
 }
 
-/// Loads the chosen series under `path`, with progress and warnings on stderr.
-pub(super) fn load(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
-    load_after(path, options, |_| Ok(())).map(|(loaded, ())| loaded)
-}
-
-/// As [`load`]; `before` is given the dimensions that the volume will have, when all headers are
-/// read and no slice yet, and may refuse them. Of a volume in a single file it is given them when
-/// that is read.
+/// Loads the chosen series under `path`, with progress and warnings on stderr. `before` receives the
+/// dimensions that the volume will have, when all headers are read and no voxel yet, and may refuse
+/// them.
 pub(super) fn load_after<T>(
     path: &Path,
     options: &SeriesOptions,

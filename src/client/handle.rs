@@ -1,11 +1,12 @@
 //! The end of a session that hands hold: poses, intents and acknowledgements go in here, from any
 //! thread.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use data_encoding::HEXLOWER;
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::{Notify, watch};
 
 use super::outbox::Outbox;
@@ -133,7 +134,7 @@ impl Handle {
     }
 
     pub(super) fn outbox(&self) -> MutexGuard<'_, Outbox> {
-        self.0.outbox.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.outbox.lock()
     }
 
     pub(super) fn put<T>(&self, put: impl FnOnce(&mut Outbox) -> T) -> T {

@@ -34,8 +34,7 @@ pub use compose::{Composed, Composer, PictureError};
 pub use error::{AnswerError, BoxedError, ClientError, ConnectError, EncryptionError, LossError, ServerText};
 pub use handle::Handle;
 pub use link::{Event, LinkState, Options, Received, run};
-pub use marks::{MARK_PX, Marks};
-pub use outbox::MAX_QUEUED;
+pub use marks::Marks;
 pub use socket::MAX_FRAME_BYTES;
 
 pub use journal::{
@@ -44,4 +43,4 @@ pub use journal::{
 };
 pub use measure::{MeasurePlan, MeasureReport, measure};
 #[cfg(feature = "window")]
-pub use window::{Followed, Lettering, LetteringFn, Screen, Window, WindowError, WindowOptions};
+pub use window::{Followed, Lettering, Screen, Window, WindowError, WindowOptions};

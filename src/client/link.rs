@@ -5,12 +5,12 @@
 //! does not know the token; it creates a view of the same name with the last volume and preset, and
 //! intents then restore its state.
 
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
+use parking_lot::Mutex;
 use serde_json::Value;
 use tokio::time::{MissedTickBehavior, timeout};
 use tokio_tungstenite::tungstenite::protocol::CloseFrame;
@@ -146,7 +146,7 @@ pub async fn run(
         }
         if error.has_no_volume() && options.hello.volume.is_none() {
             // The next attempt takes the server's first volume, from its beginning.
-            *known.lock().unwrap_or_else(PoisonError::into_inner) = SessionState::default();
+            *known.lock() = SessionState::default();
         }
         if begun.elapsed() > GOOD {
             backoff.reset();
@@ -182,7 +182,7 @@ impl Session<'_> {
     }
 
     fn known<T>(&self, take: impl FnOnce(&mut SessionState) -> T) -> T {
-        take(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+        take(&mut self.known.lock())
     }
 
     /// The `hello` message: the token, and the settings for a server that does not know it.

@@ -5,7 +5,7 @@ use relief_display::{Frame, Layout, LayoutError, Pixels};
 use relief_tracking::TrackingState;
 
 /// Side of a mark, in pixels of the picture.
-pub const MARK_PX: usize = 6;
+pub(crate) const MARK_PX: usize = 6;
 /// Distance of the marks from the picture's edges and from one another.
 const MARGIN_PX: usize = 4;
 

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use relief_live::{Ack, ClientMessage, Eyes, Intent, IntentMessage, Pose, PoseKind, RawReport, Settings};
 
 /// Most messages that wait; a connection that is this far behind is stalled, and takes no more.
-pub const MAX_QUEUED: usize = 512;
+pub(crate) const MAX_QUEUED: usize = 512;
 
 /// Messages of one session, numbered in one row.
 ///

@@ -100,4 +100,4 @@ pub use stored::{
     parts_of, read_identity,
 };
 pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
-pub use write::{BESIDE_SLICES, ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};
+pub use write::{ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

@@ -53,7 +53,7 @@ pub enum ExistingFolder {
 }
 
 /// Files that may lie beside the slices of a series of this writer.
-pub const BESIDE_SLICES: [&str; 3] = ["truth.json", "labels.seg.nrrd", "landmarks.csv"];
+pub(crate) const BESIDE_SLICES: [&str; 3] = ["truth.json", "labels.seg.nrrd", "landmarks.csv"];
 
 /// Why a series could not be written.
 #[derive(Debug, thiserror::Error)]

@@ -46,7 +46,7 @@ pub use layout::{
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use screen_plane::ScreenPlane;
-pub use settings::{DisplaySettings, ProfileSetting, SettingsError, VIEW_SPANS};
+pub use settings::{DisplaySettings, ProfileSetting, VIEW_SPANS};
 pub use shrink::shrunk_rgb;
 pub use views::{
     Arrangement, Axis, KeyView, LensPanel, MAX_VIEWS, PanelError, Parallax, ProcessorViews, QuiltName,

@@ -14,8 +14,8 @@ use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileNa
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
 use crate::screen_plane::{ScreenPlane, limits_around};
-use crate::views::{LensPanel, PanelError};
-use relief_base::{DepthLimits, ScaledDepth};
+use crate::views::LensPanel;
+use relief_base::{DepthLimits, OutOfRange, ScaledDepth};
 
 /// Eye separations between the outermost views: none, or as many as the cone of a display has, which is 17.9 for
 /// 17 degrees to each side at 1.9 m.
@@ -74,18 +74,6 @@ pub enum ProfileSetting {
     },
 }
 
-/// A setting that is refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{path} is {value}; allowed: {allowed}")]
-pub struct SettingsError {
-    /// The key's path in the request.
-    pub path: &'static str,
-    /// The value.
-    pub value: String,
-    /// The permitted values.
-    pub allowed: String,
-}
-
 impl Default for DisplaySettings {
     fn default() -> Self {
         let Header { content, factor, offset, .. } = Header::default();
@@ -111,10 +99,10 @@ impl DisplaySettings {
     ///
     /// # Errors
     /// The invalid setting with its path, its value and the permitted values.
-    pub fn validate(&self) -> Result<(), SettingsError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         for (path, limit) in [("display.near_mm", self.near_mm), ("display.far_mm", self.far_mm)] {
             if let Some(mm) = limit.filter(|mm| !mm.is_finite()) {
-                return Err(refusal(path, &mm, "a finite number or null"));
+                return Err(OutOfRange::new(path, &mm, "a finite number or null"));
             }
         }
         if let (Some(near), Some(far)) = (self.near_mm, self.far_mm) {
@@ -123,27 +111,26 @@ impl DisplaySettings {
         self.validate_screen_plane()?;
         if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
             let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
-            return Err(refusal("display.view_span", &span, &allowed));
+            return Err(OutOfRange::new("display.view_span", &span, allowed));
         }
-        if let Some(Err(PanelError::Range { key, value, allowed })) = self.panel.map(|panel| panel.check()) {
-            let allowed = format!("{} to {}", allowed.start(), allowed.end());
-            return Err(refusal(panel_path(key), &value, &allowed));
+        if let Some(panel) = self.panel {
+            panel.check().map_err(|error| error.within("display.panel"))?;
         }
         self.encoder().map(|_| ())
     }
 
-    fn validate_screen_plane(&self) -> Result<(), SettingsError> {
+    fn validate_screen_plane(&self) -> Result<(), OutOfRange> {
         let path = "display.screen_plane";
         let Some(plane) = self.screen_plane else { return Ok(()) };
         if let ScreenPlane::PointMm(point) = plane
             && !point.iter().all(|mm| (-1e6..=1e6).contains(mm))
         {
-            return Err(refusal(path, &format_args!("{point:?}"), "-1000000 to 1000000 mm each"));
+            return Err(OutOfRange::new(path, format_args!("{point:?}"), "-1000000 to 1000000 mm each"));
         }
         if self.near_mm.is_some() || self.far_mm.is_some() {
-            return Err(refusal(
+            return Err(OutOfRange::new(
                 path,
-                &"set",
+                "set",
                 "null beside near_mm and far_mm, which place the screen themselves",
             ));
         }
@@ -166,7 +153,7 @@ impl DisplaySettings {
     ///
     /// # Errors
     /// When a constant or size of it is out of range.
-    pub fn profile(&self) -> Result<DisplayProfile, SettingsError> {
+    pub fn profile(&self) -> Result<DisplayProfile, OutOfRange> {
         let of_layout = match self.layout {
             Layout::Wowvx4k => ProfileName::Dimenco4k,
             _ => ProfileName::Philips42,
@@ -200,25 +187,21 @@ impl DisplaySettings {
     ///
     /// # Errors
     /// When the profile is out of range or does not fit the layout.
-    pub fn encoder(&self) -> Result<FrameEncoder, SettingsError> {
+    pub fn encoder(&self) -> Result<FrameEncoder, OutOfRange> {
         let encoder = FrameEncoder::new(self.layout, self.profile()?, self.header());
         encoder
             .map(|encoder| encoder.with_depth_filter(self.depth_filter).with_view_span(self.view_span))
             .map(|encoder| encoder.with_panel(self.panel.unwrap_or_default()))
             .map_err(|error| match error {
                 LayoutError::Profile { remedy, frame_px: [w, h], .. } => {
-                    let value = format!("for frames of {w}x{h}");
-                    SettingsError {
-                        path: "display.profile",
-                        value,
-                        allowed: format!("for {}: {remedy}", self.layout),
-                    }
+                    let found = format!("for frames of {w}x{h}");
+                    OutOfRange::new("display.profile", found, format!("for {}: {remedy}", self.layout))
                 }
-                other => SettingsError {
-                    path: "display.layout",
-                    value: self.layout.to_string(),
-                    allowed: format!("layouts that fit the profile ({other})"),
-                },
+                other => OutOfRange::new(
+                    "display.layout",
+                    self.layout,
+                    format!("layouts that fit the profile ({other})"),
+                ),
             })
     }
 
@@ -227,7 +210,7 @@ impl DisplaySettings {
     ///
     /// # Errors
     /// When near is not below far, or one is not finite.
-    pub fn limits(&self, of_volume: DepthLimits) -> Result<DepthLimits, SettingsError> {
+    pub fn limits(&self, of_volume: DepthLimits) -> Result<DepthLimits, OutOfRange> {
         checked_limits(self.near_mm.unwrap_or(of_volume.near_mm), self.far_mm.unwrap_or(of_volume.far_mm))
     }
 
@@ -242,7 +225,7 @@ impl DisplaySettings {
         of_volume: DepthLimits,
         visible: impl FnOnce() -> Option<DepthLimits>,
         depth_of: impl FnOnce([f64; 3]) -> f64,
-    ) -> Result<DepthLimits, SettingsError> {
+    ) -> Result<DepthLimits, OutOfRange> {
         let of_request = self.limits(of_volume)?;
         let follows =
             self.depth_range == DepthRange::Visible && (self.near_mm.is_none() || self.far_mm.is_none());
@@ -254,26 +237,13 @@ impl DisplaySettings {
     }
 }
 
-fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, SettingsError> {
+fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, OutOfRange> {
     DepthLimits::new(near, far).ok_or_else(|| {
-        refusal("display.near_mm", &near, &format!("finite and below the far limit ({far} mm)"))
+        OutOfRange::new("display.near_mm", &near, format!("finite and below the far limit ({far} mm)"))
     })
 }
 
-/// The path of a panel's key in a request.
-fn panel_path(key: &str) -> &'static str {
-    match key {
-        "pitch_px" => "display.panel.pitch_px",
-        "slant" => "display.panel.slant",
-        _ => "display.panel.center",
-    }
-}
-
-fn refusal(path: &'static str, value: &dyn std::fmt::Display, allowed: &str) -> SettingsError {
-    SettingsError { path, value: value.to_string(), allowed: allowed.to_owned() }
-}
-
-fn profile_refusal(error: &ProfileError) -> SettingsError {
+fn profile_refusal(error: &ProfileError) -> OutOfRange {
     let size = |[w, h]: [u32; 2]| format!("{w}x{h}");
     let (path, value): (_, String) = match error {
         ProfileError::ViewingDistance(vz) | ProfileError::ViewerInside { vz, .. } => {
@@ -287,7 +257,7 @@ fn profile_refusal(error: &ProfileError) -> SettingsError {
     };
     let message = error.to_string();
     let allowed = message.split_once("allowed: ").map_or(message.as_str(), |(_, allowed)| allowed);
-    SettingsError { path, value, allowed: allowed.to_owned() }
+    OutOfRange::new(path, value, allowed)
 }
 
 /// The layout's half of a frame.

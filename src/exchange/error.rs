@@ -1,7 +1,8 @@
 //! Reasons for refusing or not writing a file: the fault, its place, and the remedy.
 
 use super::Format;
-use relief_annotation::{ItemError, MeshFileError};
+use relief_annotation::MeshFileError;
+use relief_base::OutOfRange;
 use relief_dicom::{Defect, ObjectError, ReportError, SegmentationError};
 
 /// Why annotations could not be read from a file, or written to one.
@@ -99,7 +100,7 @@ impl ExchangeError {
     }
 
     /// An item that a file describes is not as items are.
-    pub(super) fn item(format: Format, place: &str, error: ItemError) -> Self {
+    pub(super) fn item(format: Format, place: &str, error: OutOfRange) -> Self {
         let place = format!("{place} ({})", error.path);
         Self::Value { format, place, found: error.found, allowed: error.allowed }
     }

@@ -37,8 +37,7 @@ pub use format::{Format, FormatInfo, UnknownFormat};
 pub use loss::LeftOut;
 pub use merge::{ExistingItems, Merged};
 pub use structures::{
-    REGION_TYPE, StoredContent, StructureError, content_of_mesh, content_of_region, mask_of_content,
-    mesh_of_content,
+    StoredContent, StructureError, content_of_mesh, content_of_region, mask_of_content, mesh_of_content,
 };
 
 use relief_annotation::Item;

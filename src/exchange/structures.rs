@@ -10,7 +10,7 @@ use relief_dicom::FormatError;
 use relief_volume::{Mask, Segment};
 
 /// The media type of a region's content.
-pub const REGION_TYPE: &str = "application/x-seg-nrrd";
+pub(crate) const REGION_TYPE: &str = "application/x-seg-nrrd";
 
 /// A content and its summary in an item.
 #[derive(Clone, Debug)]

@@ -11,6 +11,7 @@ use super::error::GoldenError;
 use super::raster::{Raster, read_bounded};
 use crate::raster::Aspect;
 use crate::source::{Source, VolumeFile};
+use relief_base::OutOfRange;
 use relief_render::{Scene, SceneFile, Subject};
 use relief_volume::{Orbit, Volume};
 
@@ -128,12 +129,9 @@ impl Case {
         let scene = scene.map_err(|source| GoldenError::Scene { path: path(), source })?;
         let least_mm = 4.0 * self.tolerance.depth_mm;
         if scene.request.sample_distance_mm < least_mm {
-            return Err(GoldenError::Range {
-                path: path(),
-                key: "sample_distance_mm",
-                found: scene.request.sample_distance_mm.to_string(),
-                allowed: format!("at least {least_mm}, four times the tolerance {}", self.tolerance.name),
-            });
+            let allowed = format!("at least {least_mm}, four times the tolerance {}", self.tolerance.name);
+            let source = OutOfRange::new("sample_distance_mm", scene.request.sample_distance_mm, allowed);
+            return Err(GoldenError::Range { path: path(), source });
         }
         Ok(scene)
     }
@@ -174,12 +172,9 @@ fn checked_aspects(path: &Path, mut aspects: Vec<Aspect>) -> Result<Vec<Aspect>,
     aspects.sort();
     aspects.dedup();
     if aspects.is_empty() {
-        return Err(GoldenError::Range {
-            path: path.to_owned(),
-            key: "compare",
-            found: "[]".to_owned(),
-            allowed: format!("one or more of {}", Aspect::ALL.map(Aspect::name).join(", ")),
-        });
+        let allowed = format!("one or more of {}", Aspect::ALL.map(Aspect::name).join(", "));
+        let source = OutOfRange::new("compare", "[]", allowed);
+        return Err(GoldenError::Range { path: path.to_owned(), source });
     }
     Ok(aspects)
 }

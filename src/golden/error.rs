@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use super::limits::MAX_FILE_BYTES;
+use relief_base::OutOfRange;
 use relief_display::Layout;
 use relief_render::{RenderError, SceneError};
 use relief_session::EncodingError;
@@ -74,16 +75,12 @@ pub enum GoldenError {
         source: Box<toml::de::Error>,
     },
     /// A value of `case.toml` that is out of range.
-    #[error("{}: {key} is {found}, allowed: {allowed}", path.display())]
+    #[error("{}: {source}", path.display())]
     Range {
         /// The file.
         path: PathBuf,
-        /// The key.
-        key: &'static str,
-        /// Its value.
-        found: String,
-        /// The permitted values.
-        allowed: String,
+        /// The key, its value and the allowed values.
+        source: OutOfRange,
     },
     /// The scene.
     #[error("{}: {source}", path.display())]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::error::GoldenError;
+use relief_base::OutOfRange;
 use relief_dicom::{Strictness, discover, is_volume_file, load, read_volume};
 use relief_volume::{PhantomRecipe, Volume};
 
@@ -79,9 +80,7 @@ impl VolumeFile {
     pub(super) fn source(self, case_file: &Path) -> Result<Source, GoldenError> {
         let refused = |key, found: &dyn std::fmt::Display, allowed: &str| GoldenError::Range {
             path: case_file.to_owned(),
-            key,
-            found: found.to_string(),
-            allowed: allowed.to_owned(),
+            source: OutOfRange::new(key, found, allowed),
         };
         match (self.phantom, self.series) {
             (Some(phantom), None) => {

@@ -18,7 +18,7 @@ pub const MAGIC: [u8; 4] = *b"RLIV";
 /// The version of the header.
 pub const VERSION: u16 = 1;
 /// The only kind of binary message there is.
-pub const KIND_FRAME: u8 = 1;
+pub(crate) const KIND_FRAME: u8 = 1;
 
 /// The checksum of PNG, zip and Ethernet: reflected, polynomial 0x04C11DB7.
 static CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);

@@ -25,18 +25,18 @@ pub use frame::{
     ComposeError, EncodedColor, EncodedDepth, MAX_PIXELS, Parts, ReceiveError, ReceivedDepth, ReceivedFrame,
     ReceivedLayers, ViewsOutput, assemble,
 };
-pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, KIND_FRAME, MAGIC, VERSION};
+pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, MAGIC, VERSION};
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Eyes, Formats, Hello,
-    IntentMessage, MAX_TEXT_BYTES, MAX_VIEW_NAME, MessageError, MessageFault, NextLabel, NoFormat, OrbitPose,
-    OutsideDepth, Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings,
-    SnapTarget, SnapTo, SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
+    IntentMessage, MAX_TEXT_BYTES, MessageError, MessageFault, NextLabel, NoFormat, OrbitPose, OutsideDepth,
+    Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
+    SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 
 pub use interaction::{
     AppliedIntent, CursorMark, CutPlane, DisplayedPicture, Gestures, GrabMode, HandOptions, HandPose,
     HandSample, Home, Intent, IntentEffect, IntentError, Pivot, PlacePhase, SPACENAV_EVENT_BYTES,
-    SpaceMouseEvent, Stage, StageError, ViewRecord, ViewState,
+    SpaceMouseEvent, Stage, ViewRecord, ViewState,
 };
 
 /// The WebSocket subprotocol.

@@ -4,13 +4,14 @@
 //! of `relief.v1`. They are connected in memory: there is no port that others could reach. What it
 //! is not: the messages, which `relief/_viewer.py` writes and reads (see `docs/LIVE.md`).
 
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
+use parking_lot::Mutex;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use tokio::io::DuplexStream;
@@ -107,7 +108,7 @@ impl LiveSession {
     }
 
     fn next(&self, timeout: Duration) -> PyResult<Option<Message>> {
-        let received = self.received.lock().unwrap_or_else(PoisonError::into_inner);
+        let received = self.received.lock();
         match received.recv_timeout(timeout) {
             Ok(message) => Ok(Some(message)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
@@ -116,7 +117,7 @@ impl LiveSession {
     }
 
     fn end(&self) {
-        let runtime = self.runtime.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let runtime = self.runtime.lock().take();
         if let Some(runtime) = runtime {
             runtime.shutdown_timeout(FAREWELL);
             self.service.shut_down();

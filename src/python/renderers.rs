@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::LazyLock;
+
+use parking_lot::Mutex;
 
 use relief_render::{AdapterChoice, RenderError, RenderRequest, RenderedFrame, Renderer};
 use relief_volume::Volume;
@@ -15,7 +17,7 @@ pub(crate) fn render(
     volume: &Volume,
     request: &RenderRequest,
 ) -> Result<RenderedFrame, RenderError> {
-    let mut renderers = RENDERERS.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut renderers = RENDERERS.lock();
     let rendered = match renderers.entry(adapter.to_owned()) {
         Entry::Occupied(mut open) => open.get_mut().render(volume, request),
         Entry::Vacant(place) => {

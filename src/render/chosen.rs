@@ -3,7 +3,7 @@
 //! Spaces: pixels, rows from the top. Eight lanes cast a block together, sixteen cast two.
 
 /// Width and height of a block, pixels.
-pub const BLOCK_PX: [u32; 2] = [4, 2];
+pub(crate) const BLOCK_PX: [u32; 2] = [4, 2];
 
 /// Blocks of a picture that are cast. Blocks at the right and lower edge may be cut by it.
 #[derive(Clone, Debug, PartialEq, Eq)]

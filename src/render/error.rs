@@ -1,14 +1,14 @@
 //! Errors of a render: an invalid request, an unsuitable volume, or a failure of the adapter.
 
 use crate::gpu::GpuError;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 
 /// Why a picture could not be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// The request is out of range.
     #[error(transparent)]
-    Request(#[from] RequestError),
+    Request(#[from] OutOfRange),
     /// The volume exceeds the adapter's limit.
     #[error(
         "the volume has {dims:?} voxels, this adapter takes at most {limit} along a side; \

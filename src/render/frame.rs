@@ -1,7 +1,7 @@
 //! The result of a render: a picture with the view depth of every pixel, and its camera.
 
-use relief_base::{DepthLimits, Patient, Point, View, ViewDepth};
-use relief_display::{DisplaySettings, SettingsError, visible_limits};
+use relief_base::{DepthLimits, OutOfRange, Patient, Point, View, ViewDepth};
+use relief_display::{DisplaySettings, visible_limits};
 use relief_volume::Camera;
 
 /// The times of the parts of a frame, ms.
@@ -61,7 +61,7 @@ impl RenderedFrame {
     ///
     /// # Errors
     /// When the limits of the settings contradict each other or the volume's.
-    pub fn limits_for(&self, display: &DisplaySettings) -> Result<DepthLimits, SettingsError> {
+    pub fn limits_for(&self, display: &DisplaySettings) -> Result<DepthLimits, OutOfRange> {
         let own = || {
             let pixels = self.depth_mm.iter().zip(&self.color_rgba);
             let seen = pixels.map(

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use super::mode::Mode;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::{Grid, LabelMap, TransferFunction};
 
 /// How one segment is shown.
@@ -95,11 +95,11 @@ impl Labels {
         size_of_val(self.looks.as_slice()) + points
     }
 
-    pub(super) fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
+    pub(super) fn validate_on(&self, grid: &Grid) -> Result<(), OutOfRange> {
         if self.map.grid() == grid {
             return Ok(());
         }
         let found = format!("a map of {:?} voxels on a grid of its own", self.map.grid().dims());
-        Err(RequestError::new("labels", &found, "a map on the volume's grid"))
+        Err(OutOfRange::new("labels", found, "a map on the volume's grid"))
     }
 }

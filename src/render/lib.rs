@@ -62,7 +62,6 @@ mod refine;
 mod region;
 mod renderer;
 mod request;
-mod request_error;
 mod scene;
 mod skipping;
 mod slices;
@@ -81,9 +80,8 @@ mod view_synthesis;
 mod volume_plan;
 mod watch;
 
-pub use crate::request_error::RequestError;
 pub use crate::volume_plan::{VolumeLimits, VolumePlan};
-pub use chosen::{BLOCK_PX, ChosenBlocks};
+pub use chosen::ChosenBlocks;
 pub use classification::{Classification, UnknownClassification};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use detail::Detail;

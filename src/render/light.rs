@@ -4,8 +4,7 @@
 //! lights move with the camera, `Patient` lights stay with the patient. Lengths mm, angles in
 //! radians.
 
-use crate::request_error::RequestError;
-use relief_base::{Patient, Point, Vector, View};
+use relief_base::{OutOfRange, Patient, Point, Vector, View};
 use relief_volume::Camera;
 
 /// The place of a light.
@@ -55,9 +54,9 @@ impl Light {
     pub const MAX: usize = 4;
 
     /// Checks ranges; messages contain `index`.
-    pub(super) fn validate(&self, index: usize) -> Result<(), RequestError> {
+    pub(super) fn validate(&self, index: usize) -> Result<(), OutOfRange> {
         let refuse = |key: &str, found: String, allowed: &str| {
-            Err(RequestError::new(&format!("lights[{index}].{key}"), &found, allowed))
+            Err(OutOfRange::new(format!("lights[{index}].{key}"), found, allowed))
         };
         let (key, xyz) = match self.placement {
             Placement::ViewDirection(Vector { xyz, .. })

@@ -2,7 +2,7 @@
 
 use super::mode::Mode;
 use super::request::RenderRequest;
-use super::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::Grid;
 
 /// The purpose of a picture.
@@ -59,9 +59,9 @@ impl Quality {
         distance_mm: Option<f64>,
         request: &RenderRequest,
         grid: &Grid,
-    ) -> Result<f64, RequestError> {
+    ) -> Result<f64, OutOfRange> {
         let refuse = |quality: Self, allowed: &str| {
-            Err(RequestError::new("quality", &format_args!("{:?}", quality.name()), allowed))
+            Err(OutOfRange::new("quality", format_args!("{:?}", quality.name()), allowed))
         };
         match (written, distance_mm) {
             (Some(quality), Some(_)) => refuse(quality, "left out where the scene has sample_distance_mm"),

@@ -12,9 +12,9 @@ use super::request::RenderRequest;
 use super::upload::{Appearance, VolumeOnGpu};
 use crate::appearance::PreparedBricks;
 use crate::gpu::Gpu;
-use crate::request_error::RequestError;
 use crate::texture::VoxelFormat;
 use crate::volume_plan::VolumeLimits;
+use relief_base::OutOfRange;
 use relief_volume::{ContentHash, Volume};
 
 /// Most appearances: a look for one compares it with all.
@@ -162,7 +162,7 @@ impl Store {
         if self.lacks_room_for(bytes) {
             let free = self.limits.memory_bytes.saturating_sub(self.memory().used_bytes);
             let allowed = format!("at most {free} bytes beside the volume; raise --gpu-memory");
-            return Err(RequestError::new("labels", &format!("a map of {bytes} bytes"), &allowed).into());
+            return Err(OutOfRange::new("labels", format!("a map of {bytes} bytes"), allowed).into());
         }
         self.label_maps.upload(gpu, volume, &labels.map, brick_edge)?;
         Ok(true)

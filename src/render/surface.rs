@@ -4,7 +4,7 @@
 //! Values in HU.
 
 use super::mode::Mode;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::TransferFunction;
 
 /// A surface at a value.
@@ -71,29 +71,29 @@ pub(super) fn usual_hu(transfer: &TransferFunction) -> f64 {
 ///
 /// # Errors
 /// The first that is wrong.
-pub(super) fn validate(mode: Mode, surfaces: &[Surface]) -> Result<(), RequestError> {
+pub(super) fn validate(mode: Mode, surfaces: &[Surface]) -> Result<(), OutOfRange> {
     let count = surfaces.len();
     let allowed = if mode == Mode::Isosurface { 1..=Surface::MOST } else { 0..=0 };
     if !allowed.contains(&count) {
         let allowed = format!("1 to {} with mode isosurface, none with another", Surface::MOST);
-        return Err(RequestError::new("surfaces", &format!("{count} surfaces"), &allowed));
+        return Err(OutOfRange::new("surfaces", format!("{count} surfaces"), allowed));
     }
     for (i, surface) in surfaces.iter().enumerate() {
         let path = |key: &str| format!("surfaces[{i}].{key}");
         if surface.hu.is_nan() || surface.hu.abs() > Surface::MOST_HU {
             let allowed = format!("-{most} to {most}", most = Surface::MOST_HU);
-            return Err(RequestError::new(&path("hu"), &surface.hu, &allowed));
+            return Err(OutOfRange::new(path("hu"), surface.hu, allowed));
         }
         if let Some(channel) = surface.rgb.iter().find(|channel| !(0.0..=1.0).contains(*channel)) {
-            return Err(RequestError::new(&path("rgb"), channel, "0 to 1"));
+            return Err(OutOfRange::new(path("rgb"), channel, "0 to 1"));
         }
         if !(surface.opacity > 0.0 && surface.opacity <= 1.0) {
-            return Err(RequestError::new(&path("opacity"), &surface.opacity, "above 0, up to 1"));
+            return Err(OutOfRange::new(path("opacity"), surface.opacity, "above 0, up to 1"));
         }
         let previous = i.checked_sub(1).map(|i| surfaces[i].hu);
         if let Some(previous) = previous.filter(|previous| surface.hu < previous + Surface::LEAST_APART_HU) {
             let allowed = format!("at least {} HU above {previous}, the one before", Surface::LEAST_APART_HU);
-            return Err(RequestError::new(&path("hu"), &surface.hu, &allowed));
+            return Err(OutOfRange::new(path("hu"), surface.hu, allowed));
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use super::region::Region;
 use super::request::RenderRequest;
 use super::skipping::EmptySpaceSkipping;
 use crate::gpu::{ErrorScope, Gpu, Readback};
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::ContentHash;
 
 /// The buffers for pictures of some number of pixels.
@@ -31,8 +31,7 @@ impl Target {
         let limit = gpu.limits().storage_bytes;
         if bytes > limit {
             let allowed = format!("at most {} pixels on this adapter", limit / 4 / layers(request) as u64);
-            let path = "size_px".to_owned();
-            return Err(RequestError { path, found: format!("{width} x {height}"), allowed }.into());
+            return Err(OutOfRange::new("size_px", format!("{width} x {height}"), allowed).into());
         }
         let scope = ErrorScope::open(gpu, "a picture");
         let color = Readback::new(gpu, "colour", bytes);

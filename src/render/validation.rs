@@ -8,8 +8,8 @@ use crate::labels::{Labels, Look};
 use crate::light::Light;
 use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, RenderRequest};
-use crate::request_error::RequestError;
 use crate::surface;
+use relief_base::OutOfRange;
 use relief_volume::{Grid, Projection};
 
 impl RenderRequest {
@@ -17,10 +17,10 @@ impl RenderRequest {
     ///
     /// # Errors
     /// The first value out of range.
-    pub fn validate(&self) -> Result<(), RequestError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         let within = |path: &str, value: f64, low: f64, high: f64| {
             let inside = (low..=high).contains(&value);
-            inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
+            inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value, format!("{low} to {high}")))
         };
         for side in self.size_px {
             within("size_px", f64::from(side), 1.0, f64::from(Self::MAX_SIDE_PX))?;
@@ -29,7 +29,7 @@ impl RenderRequest {
         if pixels > Self::MAX_PIXELS {
             let [width, height] = self.size_px;
             let allowed = format!("at most {} pixels", Self::MAX_PIXELS);
-            return Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed));
+            return Err(OutOfRange::new("size_px", format!("{width} x {height}"), allowed));
         }
         if let Some(reduced) = self.reduced_px {
             for (side, most) in reduced.into_iter().zip(self.size_px) {
@@ -54,9 +54,9 @@ impl RenderRequest {
         if let Mode::Slice(_) = self.mode {
             within("slice.slab_mm", self.slab_mm, 0.0, Self::MAX_SLAB_MM)?;
             if let Projection::Perspective { .. } = self.camera.projection() {
-                return Err(RequestError::new(
+                return Err(OutOfRange::new(
                     "camera.projection",
-                    &"perspective",
+                    "perspective",
                     "orthographic in mode slice",
                 ));
             }
@@ -66,11 +66,11 @@ impl RenderRequest {
         let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
         if self.mode == Mode::Isosurface && !is_point_rule {
             let allowed = "threshold or first-hit in mode isosurface";
-            return Err(RequestError::new("depth.rule", &self.depth.name(), allowed));
+            return Err(OutOfRange::new("depth.rule", self.depth.name(), allowed));
         }
         if self.transfer.gradient_opacity().is_some() && self.mode != Mode::Composite {
             let allowed = "nothing beside other modes than composite";
-            return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+            return Err(OutOfRange::new("transfer.gradient_opacity", "there", allowed));
         }
         if let Some(labels) = &self.labels {
             validate_labels(labels, self)?;
@@ -87,7 +87,7 @@ impl RenderRequest {
     ///
     /// # Errors
     /// The first value out of range.
-    pub fn validate_on(&self, grid: &Grid) -> Result<(), RequestError> {
+    pub fn validate_on(&self, grid: &Grid) -> Result<(), OutOfRange> {
         self.validate()?;
         if let Some(labels) = &self.labels {
             labels.validate_on(grid)?;
@@ -95,7 +95,7 @@ impl RenderRequest {
         let least_mm = self.least_sample_distance_mm(grid);
         if self.sample_distance_mm < least_mm {
             let allowed = format!("at least {least_mm:.3} mm for a picture of this size");
-            return Err(RequestError::new("sample_distance_mm", &self.sample_distance_mm, &allowed));
+            return Err(OutOfRange::new("sample_distance_mm", self.sample_distance_mm, allowed));
         }
         Ok(())
     }
@@ -106,27 +106,27 @@ impl RenderRequest {
         pixels * self.longest_ray_mm(grid) / Self::MAX_SAMPLES
     }
 
-    fn validate_lights(&self) -> Result<(), RequestError> {
+    fn validate_lights(&self) -> Result<(), OutOfRange> {
         if self.lights.len() > Light::MAX {
             let found = format!("{} lights", self.lights.len());
-            return Err(RequestError::new("lights", &found, &format!("at most {}", Light::MAX)));
+            return Err(OutOfRange::new("lights", found, format!("at most {}", Light::MAX)));
         }
         let is_lit = matches!(self.mode, Mode::Composite | Mode::Isosurface | Mode::PathTraced);
         if !is_lit && !self.lights.is_empty() {
             let found = format!("{} lights", self.lights.len());
             let allowed = "none in this mode: composite, isosurface and path-traced have placed lights";
-            return Err(RequestError::new("lights", &found, allowed));
+            return Err(OutOfRange::new("lights", found, allowed));
         }
         self.illumination.validate(&self.lights)?;
         (0..).zip(&self.lights).try_for_each(|(index, light)| light.validate(index))
     }
 
-    fn validate_clip(&self) -> Result<(), RequestError> {
+    fn validate_clip(&self) -> Result<(), OutOfRange> {
         let count = self.clip.planes.len();
         if count > Clip::MAX_PLANES {
-            return Err(RequestError::new(
+            return Err(OutOfRange::new(
                 "clip.planes",
-                &format!("{count} planes"),
+                format!("{count} planes"),
                 "at most 6 beside the box",
             ));
         }
@@ -134,12 +134,12 @@ impl RenderRequest {
             if center.xyz.abs().max_element() > 1e6 || !center.xyz.is_finite() {
                 let allowed = "within 1000000 mm";
                 let found = format!("{:?}", center.xyz.to_array());
-                return Err(RequestError::new("clip.sphere.center_mm", &found, allowed));
+                return Err(OutOfRange::new("clip.sphere.center_mm", found, allowed));
             }
             if !ClipSphere::RADIUS_MM.contains(&radius_mm) {
                 let (low, high) = (ClipSphere::RADIUS_MM.start(), ClipSphere::RADIUS_MM.end());
                 let allowed = format!("{low} to {high} mm");
-                return Err(RequestError::new("clip.sphere.radius_mm", &radius_mm, &allowed));
+                return Err(OutOfRange::new("clip.sphere.radius_mm", radius_mm, allowed));
             }
         }
         let usable = |plane: &ClipPlane| {
@@ -149,7 +149,7 @@ impl RenderRequest {
             Some(ClipPlane { point, normal }) => {
                 let found = format!("point {:?}, normal {:?}", point.xyz.to_array(), normal.xyz.to_array());
                 let allowed = "a point within 1000000 mm and a normal of finite length above zero";
-                Err(RequestError::new("clip.planes", &found, allowed))
+                Err(OutOfRange::new("clip.planes", found, allowed))
             }
             None => Ok(()),
         }
@@ -157,13 +157,12 @@ impl RenderRequest {
 }
 
 /// Refuses what pre-integration has no meaning for.
-fn validate_classification(request: &RenderRequest) -> Result<(), RequestError> {
+fn validate_classification(request: &RenderRequest) -> Result<(), OutOfRange> {
     if request.classification == Classification::Sampled {
         return Ok(());
     }
-    let refuse = |allowed: &str| {
-        Err(RequestError::new("classification", &Classification::PreIntegrated.name(), allowed))
-    };
+    let refuse =
+        |allowed: &str| Err(OutOfRange::new("classification", Classification::PreIntegrated.name(), allowed));
     if request.mode != Mode::Composite {
         return refuse("sampled in other modes than composite");
     }
@@ -180,8 +179,8 @@ fn validate_classification(request: &RenderRequest) -> Result<(), RequestError> 
     Ok(())
 }
 
-fn validate_labels(labels: &Labels, request: &RenderRequest) -> Result<(), RequestError> {
-    let refuse = |found: String, allowed: &str| Err(RequestError::new("labels", &found, allowed));
+fn validate_labels(labels: &Labels, request: &RenderRequest) -> Result<(), OutOfRange> {
+    let refuse = |found: String, allowed: &str| Err(OutOfRange::new("labels", found, allowed));
     if !Labels::are_shown_by(request.mode) {
         let modes = Mode::ALL.into_iter().filter(|mode| Labels::are_shown_by(*mode)).map(Mode::name);
         let allowed = format!("nothing beside other modes than {}", modes.collect::<Vec<_>>().join(", "));
@@ -201,7 +200,7 @@ fn validate_labels(labels: &Labels, request: &RenderRequest) -> Result<(), Reque
     let own = std::iter::once(&request.transfer);
     if own.chain(&labels.transfers).any(|transfer| transfer.gradient_opacity().is_some()) {
         let allowed = "nothing in a scene with labels";
-        return Err(RequestError::new("transfer.gradient_opacity", &"there", allowed));
+        return Err(OutOfRange::new("transfer.gradient_opacity", "there", allowed));
     }
     let in_range = |look: &Look| {
         look.transfer <= labels.transfers.len()

@@ -4,9 +4,10 @@
 //! One view after the other: `shaders/views/spans.wgsl` places the pixels of the layers, then
 //! `shaders/views/view.wgsl` looks up what each pixel of the view shows.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
+use parking_lot::Mutex;
 use relief_display::{
     DecodedLayer, LayoutError, Parallax, ProcessorViews, Synthesize, Views, check_layers, synthesize,
 };
@@ -207,7 +208,7 @@ impl Synthesize for ViewSynthesizer {
         eyes: &[f64],
     ) -> Result<Views, LayoutError> {
         check_layers(size_px, front, back, eyes.len())?;
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         if !state.has_failed {
             let layers: Vec<_> = std::iter::once(front).chain(back).collect();
             let shifts: Vec<_> = eyes.iter().map(|&eye| parallax.shifts(eye, size_px[0])).collect();

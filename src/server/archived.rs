@@ -3,10 +3,11 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::error::Error;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use axum::http::StatusCode;
 use data_encoding::HEXLOWER;
+use parking_lot::Mutex;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -181,11 +182,6 @@ impl Archives {
         Ok(Self { source, searches, stores, turn, secret, found: Mutex::default() })
     }
 
-    /// Every change is whole, so a panic elsewhere leaves the table usable.
-    fn found(&self) -> MutexGuard<'_, Found> {
-        self.found.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(super) fn index(&self, name: &str) -> Result<usize, Problem> {
         let known = self.source.names().iter().position(|known| known == name);
         known.ok_or_else(|| {
@@ -206,7 +202,7 @@ impl Archives {
     /// Keeps a found series, and returns its key and the state of its loading.
     pub(super) fn keep(&self, archive: usize, series: ArchivedSeries) -> (String, Option<Load>) {
         let key = self.key(archive, &series);
-        let mut found = self.found();
+        let mut found = self.found.lock();
         if let Some(known) = found.series.get(&key) {
             return (key, known.load.clone());
         }
@@ -220,11 +216,11 @@ impl Archives {
     }
 
     pub(super) fn state(&self, key: &str) -> Option<Load> {
-        self.found().series.get(key).and_then(|known| known.load.clone())
+        self.found.lock().series.get(key).and_then(|known| known.load.clone())
     }
 
     fn set(&self, key: &str, load: Load) {
-        if let Some(known) = self.found().series.get_mut(key) {
+        if let Some(known) = self.found.lock().series.get_mut(key) {
             known.load = Some(load);
         }
     }
@@ -236,7 +232,7 @@ impl Archives {
         key: &str,
         engine: &Engine,
     ) -> Result<Option<ArchivedSeries>, Problem> {
-        let mut found = self.found();
+        let mut found = self.found.lock();
         let is_waiting = |known: &Known| matches!(known.load, Some(Load::Waiting | Load::Retrieving { .. }));
         let waiting = found.series.values().filter(|known| is_waiting(known)).count();
         let known =

@@ -27,8 +27,8 @@ use super::quality::within_budget;
 use super::query::{Query, SceneQuery};
 use super::state::{AppState, Pictures};
 use relief_annotation::value_at;
-use relief_base::{Patient, Point};
-use relief_render::{PictureWarning, RenderedFrame, RequestError, Scene, depth_limits};
+use relief_base::{OutOfRange, Patient, Point};
+use relief_render::{PictureWarning, RenderedFrame, Scene, depth_limits};
 use relief_session::{
     EncodingError, FileFormat, LeftOutCounts, Origin, Product, Rendered, VolumeEntry, encode,
 };
@@ -366,9 +366,8 @@ pub(super) async fn pick_scene(
 fn pixel_at(at: [f64; 2], size_px: [u32; 2]) -> Result<[u32; 2], Problem> {
     for ((name, value), side) in ["u", "v"].into_iter().zip(at).zip(size_px) {
         if !(0.0..f64::from(side)).contains(&value) {
-            let (path, found) = (name.to_owned(), value.to_string());
             let allowed = format!("0 to below {side}, pixels of the picture");
-            return Err(Problem::out_of_range(&RequestError { path, found, allowed }));
+            return Err(Problem::out_of_range(&OutOfRange::new(name, value, allowed)));
         }
     }
     Ok(at.map(|value| value as u32))

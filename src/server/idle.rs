@@ -7,9 +7,10 @@
 
 use std::collections::HashMap;
 use std::net::IpAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use parking_lot::Mutex;
 use tokio::sync::Notify;
 
 /// The connections that are served.
@@ -54,19 +55,19 @@ impl Connections {
             close: Notify::new(),
         });
         let number = self.next.fetch_add(1, Ordering::Relaxed);
-        self.known().insert(number, Arc::clone(&activity));
+        self.known.lock().insert(number, Arc::clone(&activity));
         Entry { all: Arc::clone(self), number, activity }
     }
 
     /// Number of connections of an address.
     pub(super) fn count_of(&self, address: IpAddr) -> usize {
-        self.known().values().filter(|one| one.address == address).count()
+        self.known.lock().values().filter(|one| one.address == address).count()
     }
 
     /// Closes the connection that has been idle the longest, of this address if one is given;
     /// `false` when none is idle.
     pub(super) fn close_idlest(&self, address: Option<IpAddr>) -> bool {
-        let mut known = self.known();
+        let mut known = self.known.lock();
         let of_address = |one: &Activity| address.is_none_or(|address| one.address == address);
         let idle =
             known.iter().filter(|(_, one)| one.running.load(Ordering::Relaxed) == 0 && of_address(one));
@@ -80,11 +81,6 @@ impl Connections {
 
     fn tick(&self) -> u64 {
         self.clock.fetch_add(1, Ordering::Relaxed)
-    }
-
-    /// The value is whole between statements, so a panic elsewhere leaves it usable.
-    fn known(&self) -> MutexGuard<'_, HashMap<u64, Arc<Activity>>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -103,7 +99,7 @@ impl Entry {
 
 impl Drop for Entry {
     fn drop(&mut self) {
-        self.all.known().remove(&self.number);
+        self.all.known.lock().remove(&self.number);
     }
 }
 
@@ -140,6 +136,6 @@ mod tests {
         assert!(all.close_idlest(Some(other)));
         of_other.closed().await;
         drop((first, second, third, of_other));
-        assert!(all.known().is_empty());
+        assert!(all.known.lock().is_empty());
     }
 }

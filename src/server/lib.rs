@@ -89,8 +89,8 @@ pub use identity::{
 pub use listen::{ConnectionLimits, Shutdown, serve};
 pub use live::LiveConfig;
 pub use state::{
-    AllowedHosts, AnnotationsLoader, Config, ImportError, JoinTrace, LabelsLoader, LoadError, Server,
-    TraceHeaders, UploadLimits, VolumeLoader,
+    AllowedHosts, AnnotationsLoader, Config, ImportError, LabelsLoader, LoadError, Server, TraceHeaders,
+    UploadLimits, VolumeLoader,
 };
 pub use tls::{Tls, TlsError, TlsFiles, fingerprint, self_signed};
 

@@ -10,8 +10,8 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
 
 use relief_annotation::SnapError;
-use relief_display::SettingsError;
-use relief_render::{RequestError, SceneError};
+use relief_base::OutOfRange;
+use relief_render::SceneError;
 use relief_session::{
     BackendError, JobError, LiveError, OpenError, ReadError, ServiceError, UploadRefused, VolumeError,
 };
@@ -64,7 +64,7 @@ impl Problem {
     }
 
     /// A value out of range.
-    pub(super) fn out_of_range(error: &RequestError) -> Self {
+    pub(super) fn out_of_range(error: &OutOfRange) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
             .with("path", error.path.as_str())
             .with("found", error.found.as_str())
@@ -113,12 +113,9 @@ impl From<&SceneError> for Problem {
     }
 }
 
-impl From<&SettingsError> for Problem {
-    fn from(error: &SettingsError) -> Self {
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
-            .with("path", error.path)
-            .with("found", error.value.clone())
-            .with("allowed", error.allowed.clone())
+impl From<&OutOfRange> for Problem {
+    fn from(error: &OutOfRange) -> Self {
+        Self::out_of_range(error)
     }
 }
 
@@ -189,11 +186,7 @@ impl From<OpenError> for Problem {
 impl From<&SnapError> for Problem {
     fn from(error: &SnapError) -> Self {
         match error {
-            SnapError::OutOfRange { key, found, allowed } => Self::out_of_range(&RequestError {
-                path: (*key).to_owned(),
-                found: found.clone(),
-                allowed: allowed.clone(),
-            }),
+            SnapError::OutOfRange(error) => error.into(),
             SnapError::NotFound { radius_mm, .. } => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, "nothing-to-snap-to", error)
                     .with("radius_mm", *radius_mm)
@@ -206,8 +199,7 @@ impl From<&LiveError> for Problem {
     fn from(error: &LiveError) -> Self {
         match error {
             LiveError::Scene(error) => error.into(),
-            LiveError::Range(error) => Self::out_of_range(error),
-            LiveError::Display(error) => error.into(),
+            LiveError::Range(error) => error.into(),
             LiveError::Snap(error) => error.into(),
             LiveError::Voxels(error) => error.into(),
             LiveError::Service(error) => error.into(),
@@ -221,10 +213,7 @@ impl From<&LiveError> for Problem {
             LiveError::TrueViews(error) => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-true-views", error)
             }
-            LiveError::Stage(_)
-            | LiveError::SnapRadius { .. }
-            | LiveError::SceneKey { .. }
-            | LiveError::Layout { .. } => {
+            LiveError::SceneKey { .. } => {
                 let problem = Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error);
                 match error.path() {
                     Some(path) => problem.with("path", path),
@@ -246,7 +235,7 @@ macro_rules! owned {
     )*};
 }
 
-owned!(SceneError, SettingsError, ServiceError, JobError, ReadError, SnapError, VolumeError, LiveError);
+owned!(SceneError, OutOfRange, ServiceError, JobError, ReadError, SnapError, VolumeError, LiveError);
 
 impl Display for Problem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -5,8 +5,9 @@
 //! no limit: behind them is the machine's own user, or a proxy that stands for many.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
+use parking_lot::Mutex;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::identity::Caller;
@@ -38,7 +39,7 @@ impl Shares {
     /// The limit, when the caller holds as many.
     pub(super) fn take(self: &Arc<Self>, caller: &Caller) -> Result<Option<Share>, usize> {
         let Some(key) = key(caller) else { return Ok(None) };
-        let mut held = self.held();
+        let mut held = self.held.lock();
         let count = held.entry(Arc::clone(&key)).or_default();
         if *count >= self.most {
             return Err(self.most);
@@ -46,16 +47,11 @@ impl Shares {
         *count += 1;
         Ok(Some(Share { shares: Arc::clone(self), key }))
     }
-
-    /// The value is whole between statements, so a panic elsewhere leaves it usable.
-    fn held(&self) -> MutexGuard<'_, HashMap<Arc<str>, usize>> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Drop for Share {
     fn drop(&mut self) {
-        let mut held = self.shares.held();
+        let mut held = self.shares.held.lock();
         if let Some(count) = held.get_mut(&self.key) {
             *count -= 1;
             if *count == 0 {
@@ -91,7 +87,7 @@ impl Turns {
     /// The turns of a caller, which exist while one is held or waited for.
     fn of(&self, key: &Arc<str>) -> Arc<Semaphore> {
         // The value is whole between statements, so a panic elsewhere leaves it usable.
-        let mut callers = self.callers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut callers = self.callers.lock();
         callers.retain(|_, turns| turns.strong_count() > 0);
         let known = callers.get(key).and_then(Weak::upgrade);
         known.unwrap_or_else(|| {
@@ -137,6 +133,6 @@ mod tests {
         assert!(waited.await.is_pending());
         drop(first);
         assert!(third.await.is_some());
-        assert_eq!(turns.callers.lock().unwrap().len(), 1, "nothing is kept of a caller that left");
+        assert_eq!(turns.callers.lock().len(), 1, "nothing is kept of a caller that left");
     }
 }

@@ -91,7 +91,7 @@ pub struct Config {
 
 /// Joins a span to the trace that the headers `traceparent` and `tracestate` name (W3C Trace
 /// Context). Invalid headers leave the span as it is.
-pub type JoinTrace = fn(&tracing::Span, TraceHeaders<'_>);
+pub(crate) type JoinTrace = fn(&tracing::Span, TraceHeaders<'_>);
 
 /// The headers of a request that name its caller's trace.
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,10 @@
 //! their files change; a self-signed certificate on request.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
+use parking_lot::Mutex;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::server::WebPkiClientVerifier;
@@ -91,7 +92,7 @@ impl Tls {
     /// use.
     pub(super) fn acceptor(&self) -> TlsAcceptor {
         // The value is whole between statements, so a panic elsewhere leaves it usable.
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known.lock();
         if known.looked.elapsed() >= INTERVAL {
             known.looked = Instant::now();
             let now = versions(&self.files);

@@ -9,7 +9,7 @@ use relief_render::{
 use relief_volume::{ContentHash, Grid, Orbit, Volume};
 
 /// Opens the adapter and makes a renderer, as at the start.
-pub type OpenRenderer = Box<dyn Fn() -> Result<Renderer, RenderError> + Send>;
+pub(crate) type OpenRenderer = Box<dyn Fn() -> Result<Renderer, RenderError> + Send>;
 
 /// A renderer, and the function that recreates it.
 pub struct GpuBackend {

@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use relief_base::DepthLimits;
+use relief_base::{DepthLimits, OutOfRange};
 use relief_display::{
     CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameContent, FrameEncoder, Layout,
-    LayoutError, Picture, SettingsError, encode_exr, encode_jpeg, encode_png, encode_views,
+    LayoutError, Picture, encode_exr, encode_jpeg, encode_png, encode_views,
 };
 use relief_render::RenderedFrame;
 use relief_volume::{Camera, Projection};
@@ -78,7 +78,7 @@ impl Product {
 pub enum EncodingError {
     /// A display setting is out of range.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    Settings(#[from] OutOfRange),
     /// The picture does not fit the layout.
     #[error(transparent)]
     Layout(#[from] LayoutError),

@@ -17,7 +17,7 @@ use relief_volume::Volume;
 const SMALL_PX: u64 = 1 << 17;
 
 /// Called with the outcome of every request that was rendered, for metrics.
-pub type RenderObserver = Box<dyn Fn(&Result<Rendered, ServiceError>) + Send + Sync>;
+pub(crate) type RenderObserver = Box<dyn Fn(&Result<Rendered, ServiceError>) + Send + Sync>;
 
 /// The parts that turn requests into encoded pictures.
 pub struct Engine {

@@ -30,18 +30,18 @@ use std::sync::Arc;
 use relief_render::{MemoryUse, Progress, RenderRequest, RenderedFrame};
 use relief_volume::{ContentHash, Volume};
 
-pub use backend::{FaultKind, GpuBackend, InjectedFault, OpenRenderer};
+pub use backend::{FaultKind, GpuBackend, InjectedFault};
 pub use blocking::{JobError, Waiting, on_blocking_thread, while_awaited};
 pub use budget::{BudgetedRequest, SpeedBook};
 pub use detail::moving_detail;
 pub use drawn::{ContentError, Drawables, LeftOutCounts, SurfaceMesh, region_of_content, shape_of_content};
 pub use encode::{EncodingError, FileFormat, Product, encode};
-pub use engine::{Engine, RenderObserver};
+pub use engine::Engine;
 pub use label_maps::{LabelsError, PlacedLabels, load_labels, most_label_voxels};
 pub use live::{
     Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, EyeViews, Flow,
     HeldPoint, LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer,
-    Views, lock, micros, search_preview,
+    Views, micros, search_preview,
 };
 pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};

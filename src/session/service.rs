@@ -9,11 +9,13 @@
 //! refused, because it frees memory.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 use super::budget::{BudgetedRequest, SpeedBook};
 use super::cache::{FrameCache, FrameKey};
@@ -143,14 +145,14 @@ impl RenderService {
         request: RenderRequest,
     ) -> Result<Ticket, ServiceError> {
         let key = FrameKey { volume: volume.content_hash(), request };
-        if let Some(frame) = lock(&self.shared.recent).get(&key) {
+        if let Some(frame) = self.shared.recent.lock().get(&key) {
             tracing::trace!("reused a recent frame");
             return Ok(Ticket::ready(Rendered { frame, queue_ms: 0.0, origin: Origin::Reused }));
         }
         let (ticket, promise) = pair();
         let span = tracing::Span::current();
         let order = RenderJob { volume: volume.clone(), key, promise, caller, since: Instant::now(), span };
-        let queue = lock(&self.queue);
+        let queue = self.queue.lock();
         let sender = queue.as_ref().ok_or(ServiceError::Stopped)?;
         // Counted first: the thread may take the request, and decrement the count, before
         // `send` returns.
@@ -176,21 +178,21 @@ impl RenderService {
         request: &RenderRequest,
         budget_ms: f64,
     ) -> BudgetedRequest {
-        lock(&self.shared.speeds).plan(volume, grid, request, budget_ms)
+        self.shared.speeds.lock().plan(volume, grid, request, budget_ms)
     }
 
     /// The request of a view that moves, see [`SpeedBook::plan_moving`](crate::SpeedBook::plan_moving).
     #[must_use]
     pub fn plan_moving(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> BudgetedRequest {
-        lock(&self.shared.speeds).plan_moving(volume, grid, request)
+        self.shared.speeds.lock().plan_moving(volume, grid, request)
     }
 
     /// Drops cached data of a volume: its recent frames at once, the backend's data after the
     /// requests before.
     pub fn forget(&self, volume: ContentHash) {
-        lock(&self.shared.recent).forget(volume);
-        lock(&self.shared.speeds).forget(volume);
-        if let Some(sender) = lock(&self.queue).as_ref() {
+        self.shared.recent.lock().forget(volume);
+        self.shared.speeds.lock().forget(volume);
+        if let Some(sender) = self.queue.lock().as_ref() {
             let _ = sender.send(Job::Forget(volume)); // a thread that has ended keeps nothing
         }
     }
@@ -212,20 +214,20 @@ impl RenderService {
     /// Memory of volumes on the adapter, after the last request.
     #[must_use]
     pub fn memory(&self) -> MemoryUse {
-        *lock(&self.shared.memory)
+        *self.shared.memory.lock()
     }
 
     /// Whether the thread takes orders.
     #[must_use]
     pub fn is_alive(&self) -> bool {
-        lock(&self.thread).as_ref().is_some_and(|thread| !thread.is_finished())
+        self.thread.lock().as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
     /// The time without progress of the picture that is being rendered; zero while nothing is
     /// rendered.
     #[must_use]
     pub fn stalled_for(&self) -> Duration {
-        let alive_at = *lock(&self.shared.alive_at);
+        let alive_at = *self.shared.alive_at.lock();
         alive_at.map_or(Duration::ZERO, |at| at.elapsed())
     }
 
@@ -238,8 +240,8 @@ impl RenderService {
     /// Refuses further orders, and waits until the queue is empty and the thread has ended; blocks. A
     /// thread that makes no progress is not waited for. A second call does nothing.
     pub fn shut_down(&self) {
-        drop(lock(&self.queue).take());
-        let Some(thread) = lock(&self.thread).take() else { return };
+        drop(self.queue.lock().take());
+        let Some(thread) = self.thread.lock().take() else { return };
         while !thread.is_finished() {
             if self.stalled_for() > SHUT_DOWN_PATIENCE {
                 tracing::error!("the render thread makes no progress; it is left behind");
@@ -293,7 +295,7 @@ fn take(job: Job, waiting: &mut WaitingJobs, shared: &ServiceState) {
     match job {
         Job::Render(order) => {
             let FrameKey { volume, request } = &order.key;
-            let expected_ms = lock(&shared.speeds).expected_ms(*volume, order.volume.grid(), request);
+            let expected_ms = shared.speeds.lock().expected_ms(*volume, order.volume.grid(), request);
             waiting.push(*order, expected_ms);
         }
         Job::Forget(volume) => waiting.forget(volume),
@@ -302,11 +304,11 @@ fn take(job: Job, waiting: &mut WaitingJobs, shared: &ServiceState) {
 
 /// Forgets a volume a second time: requests that were queued before have cached frames since.
 fn forget(backend: &mut impl RenderBackend, volume: ContentHash, shared: &ServiceState) {
-    lock(&shared.recent).forget(volume);
+    shared.recent.lock().forget(volume);
     if let Err(panic) = guarded(|| backend.forget(volume)) {
         tracing::error!(panic, "forgetting a volume panicked");
     }
-    *lock(&shared.memory) = backend.memory();
+    *shared.memory.lock() = backend.memory();
 }
 
 /// Answers one order, from the recent frames if it can. An interrupted one waits again.
@@ -330,7 +332,7 @@ fn answer(
     let queue_ms = order.since.elapsed().as_secs_f64() * 1e3;
     tracing::trace!(queue_ms, expected_ms = next.expected_ms, "left the queue");
     // An equal order may have been rendered while this one waited.
-    let recent = lock(&shared.recent).get(&order.key);
+    let recent = shared.recent.lock().get(&order.key);
     let outcome = match recent {
         Some(frame) => {
             left();
@@ -352,7 +354,7 @@ fn answer(
                     let frame = Arc::new(frame);
                     // The same part of a picture is not requested twice.
                     if !frame.is_partial {
-                        lock(&shared.recent).put(next.job.key.clone(), Arc::clone(&frame));
+                        shared.recent.lock().put(next.job.key.clone(), Arc::clone(&frame));
                     }
                     Ok(Rendered { frame, queue_ms, origin: Origin::Rendered })
                 }
@@ -395,15 +397,15 @@ fn render(
             is_interrupted = waiting.interrupts(next);
         }
         last = progress;
-        *lock(&shared.alive_at) = Some(Instant::now());
+        *shared.alive_at.lock() = Some(Instant::now());
         let goes_on = order.promise.is_wanted() && !is_interrupted;
         if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     };
-    *lock(&shared.alive_at) = Some(Instant::now());
+    *shared.alive_at.lock() = Some(Instant::now());
     let outcome = guarded(|| backend.render(&order.volume, &order.key.request, &mut goes_on));
-    *lock(&shared.alive_at) = None;
+    *shared.alive_at.lock() = None;
     // Before the answer, because its receiver may read these values.
-    *lock(&shared.memory) = backend.memory();
+    *shared.memory.lock() = backend.memory();
     match &outcome {
         Ok(Ok(frame)) => {
             is_healthy.store(true, Ordering::Relaxed);
@@ -413,7 +415,7 @@ fn render(
             let Timings { upload_ms, overlay_ms, .. } = frame.timings;
             tracing::trace!(upload_ms, render_ms = ms, overlay_ms, passes, "rendered");
             if !frame.is_partial {
-                lock(&shared.speeds).record(*volume, grid, request, passes, ms);
+                shared.speeds.lock().record(*volume, grid, request, passes, ms);
             }
         }
         Ok(Err(BackendError::Failed(_))) => is_healthy.store(false, Ordering::Relaxed),
@@ -425,9 +427,4 @@ fn render(
         Ok(Err(BackendError::Refused(_))) | Err(_) => {}
     }
     Ok(Some(outcome.map_err(ServiceError::Panicked)??))
-}
-
-/// The value is whole between statements, so a panic elsewhere leaves it usable.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -4,8 +4,10 @@
 //! [`ServiceError::Stopped`], so that no caller waits for a thread that has ended.
 
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
+
+use parking_lot::Mutex;
 
 use super::{Rendered, ServiceError};
 
@@ -58,7 +60,7 @@ impl Future for Ticket {
     type Output = Result<Rendered, ServiceError>;
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
-        let mut slot = lock(&self.slot);
+        let mut slot = self.slot.lock();
         if let Some(outcome) = slot.outcome.take() {
             return Poll::Ready(outcome);
         }
@@ -88,7 +90,7 @@ impl Drop for TicketSender {
 /// The first answer counts.
 fn answer(slot: &Mutex<Slot>, outcome: Outcome) {
     let waker = {
-        let mut slot = lock(slot);
+        let mut slot = slot.lock();
         if slot.kept {
             return;
         }
@@ -99,11 +101,6 @@ fn answer(slot: &Mutex<Slot>, outcome: Outcome) {
     if let Some(waker) = waker {
         waker.wake();
     }
-}
-
-/// Slots hold plain values, which a panic cannot leave half written.
-fn lock(slot: &Mutex<Slot>) -> MutexGuard<'_, Slot> {
-    slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

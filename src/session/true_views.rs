@@ -3,8 +3,8 @@
 //!
 //! Spaces: eyes are in eye separations to the right of the middle, depth is view depth in mm.
 
-use relief_base::DepthLimits;
-use relief_display::{DisplaySettings, SettingsError, TrueViews};
+use relief_base::{DepthLimits, OutOfRange};
+use relief_display::{DisplaySettings, TrueViews};
 use relief_volume::{Camera, CameraError};
 
 /// Why a picture has no views beside it.
@@ -12,7 +12,7 @@ use relief_volume::{Camera, CameraError};
 pub enum TrueViewsError {
     /// A setting of the display is out of range.
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    Settings(#[from] OutOfRange),
     /// The depth that the display shows on its screen is not before the camera.
     #[error("the plane of the screen is behind the camera: set near_mm and far_mm, or another offset")]
     ScreenBehindCamera,

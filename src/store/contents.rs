@@ -5,7 +5,8 @@ use sqlx::Row;
 use super::Store;
 use super::error::{Damage, StoreError};
 use super::rows::unsigned;
-use relief_annotation::{ContentId, ItemError};
+use relief_annotation::ContentId;
+use relief_base::OutOfRange;
 
 /// The largest value that both databases take, with some room.
 const MOST_BYTES: usize = 900_000_000;
@@ -20,12 +21,12 @@ impl Store {
     pub async fn put_content(&self, media_type: &str, bytes: &[u8]) -> Result<ContentId, StoreError> {
         if bytes.len() > MOST_BYTES {
             let (found, allowed) = (format!("{} bytes", bytes.len()), format!("at most {MOST_BYTES}"));
-            return Err(ItemError::new("content", &found, &allowed).into());
+            return Err(OutOfRange::new("content", found, allowed).into());
         }
         let is_good = |letter: u8| letter.is_ascii_graphic() || letter == b' ';
         if !(1..=200).contains(&media_type.len()) || !media_type.bytes().all(is_good) {
             let found = format!("{} bytes", media_type.len());
-            return Err(ItemError::new("media_type", &found, "1 to 200 letters of ASCII").into());
+            return Err(OutOfRange::new("media_type", found, "1 to 200 letters of ASCII").into());
         }
         let id = ContentId::of(bytes);
         let mut transaction = self.begin_write().await?;

@@ -3,7 +3,8 @@
 use std::error::Error;
 use std::time::Duration;
 
-use relief_annotation::{ContentId, Item, ItemError, ItemId, Versioned};
+use relief_annotation::{ContentId, Item, ItemId, Versioned};
+use relief_base::OutOfRange;
 
 /// The error of a database or of its driver.
 pub type Cause = Box<dyn Error + Send + Sync>;
@@ -78,7 +79,7 @@ pub enum StoreError {
     },
     /// A value of an edit or a set is out of its range.
     #[error(transparent)]
-    Invalid(#[from] ItemError),
+    Invalid(#[from] OutOfRange),
     /// The author has no edit that could be taken back.
     #[error("this author has no edit left to undo")]
     NothingToUndo,

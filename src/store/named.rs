@@ -7,7 +7,8 @@ use sqlx::Row;
 use super::error::{Damage, StoreError};
 use super::rows::{signed, unsigned};
 use super::{Store, watch};
-use relief_annotation::{Author, Edit, ItemError, Set, Timestamp};
+use relief_annotation::{Author, Edit, Set, Timestamp};
+use relief_base::OutOfRange;
 
 /// Most bytes of a template's text.
 const LONGEST_TEMPLATE: usize = 1 << 20;
@@ -140,10 +141,10 @@ impl Store {
         author: &str,
         may: impl Fn(Option<&str>) -> bool + Send,
     ) -> Result<(), StoreError> {
-        Set::check_name(name).map_err(|error| ItemError { path: "template".to_owned(), ..error })?;
+        Set::check_name(name).map_err(|error| OutOfRange { path: "template".to_owned(), ..error })?;
         if body.len() > LONGEST_TEMPLATE || body.contains('\0') {
             let found = format!("{} bytes", body.len());
-            return Err(ItemError::new("template", &found, "at most 1 MiB of text").into());
+            return Err(OutOfRange::new("template", found, "at most 1 MiB of text").into());
         }
         self.put(AuditedKind::Template, name, body, author, may).await
     }

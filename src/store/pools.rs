@@ -4,9 +4,9 @@
 //! A network may drop a connection silently: a query on it waits until TCP gives up,
 //! a quarter of an hour. Its pool would have no connection left meanwhile.
 
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use sqlx::AnyPool;
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions};
 
@@ -56,12 +56,12 @@ impl Pools {
     }
 
     pub(super) fn current(&self) -> Current {
-        self.current.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.current.lock().clone()
     }
 
     /// Gives up connections that do not answer, unless that was done already.
     pub(super) fn renew(&self, broken: &Current) {
-        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut current = self.current.lock();
         if current.generation != broken.generation {
             return;
         }

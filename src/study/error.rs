@@ -1,6 +1,6 @@
 //! Errors of simulations and measurements.
 
-use relief_display::SettingsError;
+use relief_base::OutOfRange;
 use relief_live::{CodecError, IntentError};
 use relief_render::{RenderError, SceneError};
 use relief_session::{EncodingError, ServiceError};
@@ -51,7 +51,7 @@ pub enum StudyError {
     Picture(#[from] relief_display::LayoutError),
     /// The display settings are invalid.
     #[error(transparent)]
-    Display(#[from] SettingsError),
+    Display(#[from] OutOfRange),
     /// The store of annotations failed.
     #[error(transparent)]
     Store(#[from] StoreError),

@@ -13,7 +13,7 @@
 use nalgebra::{Unit, Vector3};
 
 /// The fewest LEDs of a beacon.
-pub const MIN_LEDS: usize = 4;
+pub(crate) const MIN_LEDS: usize = 4;
 /// The most LEDs of a beacon: every assignment of blobs to LEDs is tried.
 pub const MAX_LEDS: usize = 6;
 const MAX_MM: f64 = 10_000.0;

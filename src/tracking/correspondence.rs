@@ -14,7 +14,7 @@ use super::solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting};
 
 /// Chi-square that an assignment may have, per the number of equations beyond the six unknowns. A
 /// right one has more in 1 of 20,000 views with two, which is what four LEDs have.
-pub const GATE: f64 = 20.0;
+pub(crate) const GATE: f64 = 20.0;
 /// Chi-square by which every rival has to be worse: it is the logarithm of how much less likely it
 /// is, times two.
 pub const MARGIN: f64 = 25.0;
@@ -45,7 +45,7 @@ pub struct IdentifyHints {
 }
 
 /// Blobs with their LEDs: `leds[i]` is that of blob i.
-pub type Assignment = [Option<usize>; MAX_SEEN];
+pub(crate) type Assignment = [Option<usize>; MAX_SEEN];
 
 /// The result for a view.
 #[derive(Clone, Copy, Debug)]

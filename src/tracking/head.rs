@@ -9,6 +9,7 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::pose::SensorPose;
+use relief_base::OutOfRange;
 
 /// Size of a datagram of OpenTrack, bytes: six numbers of 64 bits, little-endian.
 pub const OPENTRACK_BYTES: usize = 48;
@@ -50,15 +51,6 @@ pub struct DisplayGeometry {
     pub eye_separation_mm: f64,
 }
 
-/// A geometry that no display has.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{key} is {value}; allowed: {allowed}")]
-pub struct GeometryError {
-    key: &'static str,
-    value: f64,
-    allowed: &'static str,
-}
-
 impl Default for DisplayGeometry {
     /// A 42-inch display, seen from twice its width.
     fn default() -> Self {
@@ -77,7 +69,7 @@ impl DisplayGeometry {
     ///
     /// # Errors
     /// The first invalid value, with the allowed ones.
-    pub fn validate(&self) -> Result<(), GeometryError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         let in_room = "-20000 to 20000 mm";
         for (key, value, range, allowed) in [
             ("width_mm", self.width_mm, 10.0..=20_000.0, "10 to 20000 mm"),
@@ -89,7 +81,7 @@ impl DisplayGeometry {
             ("eye_separation_mm", self.eye_separation_mm, 30.0..=100.0, "30 to 100 mm"),
         ] {
             if !range.contains(&value) {
-                return Err(GeometryError { key, value, allowed });
+                return Err(OutOfRange::new(key, value, allowed));
             }
         }
         Ok(())

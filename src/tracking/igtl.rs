@@ -13,7 +13,7 @@ use crate::tool::{FARTHEST_MM, is_rotation, quaternion};
 /// Bytes of a header.
 pub const IGTL_HEADER_BYTES: usize = 58;
 /// The longest body that is read; what clients send is far shorter.
-pub const MAX_BODY_BYTES: u64 = 4096;
+pub(crate) const MAX_BODY_BYTES: u64 = 4096;
 
 const VERSION: u16 = 1;
 /// Bytes of a TRANSFORM's content.

@@ -47,30 +47,28 @@ mod solve;
 mod tool;
 mod tracker;
 
-pub use beacon::{Beacon, BeaconError, MAX_LEDS, MIN_LEDS};
+pub use beacon::{Beacon, BeaconError, MAX_LEDS};
 
-pub use crate::filter::error_state::MAX_PREDICTION_S;
 pub use calibrate::{
-    Adjustment, BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, MIN_VIEWS,
-    Parameter, Square, adjust, calibrate_camera, choose_views, moving_views,
+    BlobIdentifier, Calibration, CalibrationError, CalibrationModel, CalibrationView, Parameter, Square,
+    calibrate_camera, choose_views, moving_views,
 };
-pub use correspondence::{Assignment, EarlierPose, GATE, Identified, IdentifyHints, MARGIN, identify_blobs};
+pub use correspondence::{EarlierPose, Identified, IdentifyHints, MARGIN, identify_blobs};
 pub use design::{DesignConditions, DesignScore, score_design, search_design};
 pub use experiment::{
     Arm, ExperimentOutcome, ExperimentRun, ExperimentSetting, PlotPoint, TrackingMethod, run_experiment,
     simulate_survey,
 };
-pub use filter::{ErrorStateFilter, MotionDensity, PoseFilter, State, Update, Verdict};
-pub use head::{DisplayGeometry, GeometryError, HeadPose, HeadPoseError, OPENTRACK_BYTES};
+pub use filter::{ErrorStateFilter, MotionDensity, State, Update, Verdict};
+pub use head::{DisplayGeometry, HeadPose, HeadPoseError, OPENTRACK_BYTES};
 pub use host::{Host, HostOptions, HostState, RemoteSenses, Sensitivity, VirtualRemote};
 pub use igtl::{
-    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, MAX_BODY_BYTES, igtl_acknowledgement, igtl_message, igtl_pose,
-    igtl_position, igtl_tracking_data, igtl_transform,
+    IGTL_HEADER_BYTES, IgtlError, IgtlHeader, igtl_acknowledgement, igtl_message, igtl_pose, igtl_position,
+    igtl_tracking_data, igtl_transform,
 };
-pub use pose::{Pose, SensorPose, cross_matrix};
+pub use pose::{Pose, SensorPose};
 pub use report::calibration::{
-    AccelerometerCalibration, Calibrations, EEPROM_BYTES, EepromError, IrCalibration, decode_accelerometer,
-    decode_ir, encode_accelerometer, encode_ir,
+    AccelerometerCalibration, Calibrations, EepromError, IrCalibration, decode_ir,
 };
 pub use report::motion_plus::{GyroCalibration, GyroRange, MotionPlus};
 pub use report::output::{DataMode, MemorySpace, Output, OutputError};
@@ -78,24 +76,23 @@ pub use report::recording::{
     MAX_LINE_BYTES, RecordingError, RecordingReader, TimedReport, bytes_of_hex, hex_of_bytes, recording_line,
 };
 pub use report::{
-    Acceleration, Acknowledge, Blob, BlobExtent, Buttons, DataReport, Extension, Half, InputReport,
-    InterleavedHalf, Interleaver, IrFormat, Layout, MAX_REPORT_BYTES, Memory, ReportError, SENSOR_HEIGHT,
-    SENSOR_WIDTH, Status,
+    Acknowledge, Blob, BlobExtent, Buttons, DataReport, Extension, Half, InputReport, InterleavedHalf,
+    IrFormat, Layout, MAX_REPORT_BYTES, Memory, ReportError, Status,
 };
 pub use sensor::file::{CameraFileError, CameraFormat, YamlError, read_camera, write_camera};
 pub use sensor::{LensError, Pinhole, PinholeError, TYPICAL_FOCAL_PX, ThinLens};
 pub use simulate::{
-    HiddenLed, PointingHand, PressedButton, REPORT_HZ, ReportDelivery, SensorModel, SensorPath,
-    SimulatedReport, Simulation, SurveyingHand,
+    HiddenLed, PointingHand, PressedButton, ReportDelivery, SensorModel, SensorPath, SimulatedReport,
+    Simulation, SurveyingHand,
 };
-pub use solve::bound::{QUANTISATION_VARIANCE, quantised_noise};
+pub use solve::bound::quantised_noise;
 #[cfg(feature = "ipopt")]
 pub use solve::ipopt::solve_with_ipopt;
 pub use solve::paper::{PaperSolution, level_start, solve_as_published};
-pub use solve::random::{Random, ViewRange, is_seen, random_sightings};
+pub use solve::random::{Random, ViewRange, random_sightings};
 pub use solve::{Gravity, MAX_SEEN, Minimum, PoseView, Sighting, Solutions};
 pub use tool::{NotRigid, ToolPlacement, TrackerGeometry};
 pub use tracker::{
     DroppedReports, FilterKind, Frame, Frames, PoseRecord, SolverKind, TrackedSample, Tracker,
-    TrackerOptions, TrackingState, body_from_sensor, sensor_from_body,
+    TrackerOptions, TrackingState,
 };

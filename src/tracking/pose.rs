@@ -129,7 +129,7 @@ impl SensorPose {
 
 /// The matrix of `v x`.
 #[must_use]
-pub fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
+pub(crate) fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
     v.cross_matrix()
 }
 

@@ -21,7 +21,7 @@ use super::solve::random::Random;
 use super::tracker::body_from_sensor;
 
 /// The rate that was measured on a real remote, reports a second.
-pub const REPORT_HZ: f64 = 98.27;
+pub(crate) const REPORT_HZ: f64 = 98.27;
 /// Standard gravity, mm/s².
 const GRAVITY_MM_S2: f64 = 9806.65;
 

@@ -32,12 +32,12 @@ pub use mask::Mask;
 pub use occupancy::{Cells, Occupancy};
 
 pub use camera::{
-    Camera, CameraError, CameraFile, EdgeLabels, Framing, NamedPlane, Orbit, OrbitError, PlaneView,
-    Projection, ProjectionFile, head_up, orientation_label,
+    Camera, CameraError, CameraFile, EdgeLabels, Framing, NamedPlane, Orbit, PlaneView, Projection,
+    ProjectionFile, head_up,
 };
 pub use phantom::{
     Material, Phantom, PhantomKind, PhantomLandmark, PhantomRecipe, PhantomSizeError, PhantomTruth, Surface,
-    SurfaceShape, TRUTH_SCHEMA, UnknownPhantom,
+    SurfaceShape, UnknownPhantom,
 };
 pub use table::Table;
 pub use transfer::{

@@ -4,8 +4,9 @@
 //! Spaces: voxel index and patient mm. A cell is a box of voxels of about 1/96 of the volume's
 //! longest side; a band is a range of 64 HU.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, Component};
@@ -97,7 +98,7 @@ impl Occupancy {
     ) -> Option<Arc<Framing>> {
         let visible = visible_bands(is_visible);
         // The value is whole between statements, so a panic elsewhere leaves it usable.
-        let lock = || self.framings.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || self.framings.lock();
         let mut kept = lock();
         if let Some(at) = kept.iter().position(|known| known.visible == visible && known.speck == speck) {
             kept[at..].rotate_left(1);
@@ -254,7 +255,7 @@ mod tests {
                 assert_eq!(kept().as_deref(), computed(speck, least).as_ref(), "{speck}, {least}");
                 assert_eq!(kept(), kept());
             }
-            assert_eq!(occupancy.framings.lock().unwrap().len(), KEPT);
+            assert_eq!(occupancy.framings.lock().len(), KEPT);
         }
     }
 

@@ -1,10 +1,9 @@
 //! The `display` object of a request: the documented example, its defaults, and its errors.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, its helpers too")]
 
-use relief_base::DepthLimits;
+use relief_base::{DepthLimits, OutOfRange};
 use relief_display::{
     ContentType, DisparityConstants, DisplayProfile, DisplaySettings, Layout, ProfileName, ProfileSetting,
-    SettingsError,
 };
 
 fn parse(json: &str) -> DisplaySettings {
@@ -18,7 +17,7 @@ fn refused(json: &str) -> (String, String) {
     (error.path().to_string(), error.inner().to_string())
 }
 
-fn invalid(json: &str) -> SettingsError {
+fn invalid(json: &str) -> OutOfRange {
     parse(json).validate().unwrap_err()
 }
 
@@ -131,12 +130,15 @@ fn settings_that_do_not_fit_together_are_refused() {
     let narrow = invalid(r#"{"profile": {"vz": 5, "frame_px": [600, 400]}}"#);
     assert_eq!(narrow.path, "display.layout");
     let size = invalid(r#"{"profile": {"vz": 5, "frame_px": [0, 400]}}"#);
-    assert_eq!((size.path, size.value.as_str()), ("display.profile.frame_px", "0x400"));
+    assert_eq!((size.path.as_str(), size.found.as_str()), ("display.profile.frame_px", "0x400"));
     let placed = invalid(r#"{"screen_plane": [1, 2, 3], "near_mm": 100}"#);
     assert_eq!(placed.path, "display.screen_plane");
     assert!(placed.to_string().contains("null beside near_mm and far_mm"), "{placed}");
     let distant = invalid(r#"{"screen_plane": [1, 2, 3e6]}"#);
-    assert_eq!((distant.path, distant.value.as_str()), ("display.screen_plane", "[1.0, 2.0, 3000000.0]"));
+    assert_eq!(
+        (distant.path.as_str(), distant.found.as_str()),
+        ("display.screen_plane", "[1.0, 2.0, 3000000.0]")
+    );
     let endless = DisplaySettings { far_mm: Some(f64::INFINITY), ..DisplaySettings::default() };
     assert_eq!(endless.validate().unwrap_err().path, "display.far_mm");
 }
@@ -148,7 +150,7 @@ fn limits_come_from_the_request_and_else_from_the_volume() {
     let near = parse(r#"{"near_mm": 400}"#).limits(of_volume).unwrap();
     assert_eq!(near, DepthLimits { near_mm: 400.0, far_mm: 900.0 });
     let behind = parse(r#"{"near_mm": 1000}"#).limits(of_volume).unwrap_err();
-    assert_eq!((behind.path, behind.value.as_str()), ("display.near_mm", "1000"));
+    assert_eq!((behind.path.as_str(), behind.found.as_str()), ("display.near_mm", "1000"));
 }
 
 /// A display ignores factor and offset unless the select bits are set; the defaults leave it its

@@ -1,7 +1,7 @@
 //! Volumes share the adapter's memory: the least recently used one goes, and a volume that
 //! cannot fit is refused.
 
-use std::sync::MutexGuard;
+use parking_lot::MutexGuard;
 
 use super::{in_mode, renderer};
 use crate::common;

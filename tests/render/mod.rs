@@ -36,8 +36,9 @@ mod synthesis;
 mod twin;
 mod views;
 
-use std::sync::{Mutex, MutexGuard, OnceLock};
+use std::sync::OnceLock;
 
+use parking_lot::{Mutex, MutexGuard};
 use relief_render::{AdapterChoice, Gpu, Mode, RenderRequest, Renderer, Surface};
 
 /// The one renderer of this test program: software adapters compile pipelines slowly. `None`
@@ -56,7 +57,7 @@ fn renderer(test: &str) -> Option<MutexGuard<'static, Renderer>> {
     }
     // A test that failed while it held the renderer left nothing half done: every frame starts
     // anew.
-    shared.as_ref().map(|shared| shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    shared.as_ref().map(|shared| shared.lock())
 }
 
 /// The request in another mode, with skin and bone where that takes surfaces.

@@ -7,6 +7,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 
 use super::fans::{Fan, Fans};
 use super::{MeshError, TriangleMesh};
+use relief_base::OutOfRange;
 
 /// The limits of decimation. It ends at the first one that it reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,9 +38,7 @@ impl TriangleMesh {
     pub fn decimated(&self, decimation: Decimation) -> Result<Self, MeshError> {
         self.check()?;
         let Decimation { triangles, error_mm } = decimation;
-        let refuse = |key, found: String, allowed: &str| {
-            Err(MeshError::Argument { key, found, allowed: allowed.to_owned() })
-        };
+        let refuse = |key, found: String, allowed: &str| Err(OutOfRange::new(key, found, allowed).into());
         if triangles < 4 {
             return refuse("triangles", triangles.to_string(), "4 or more: a tetrahedron");
         }

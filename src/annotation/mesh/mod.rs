@@ -22,7 +22,7 @@ pub use measure::Measures;
 pub use nets::surface_nets;
 pub use smooth::Smoothing;
 
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 
 /// A surface of triangles in patient LPS mm.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,15 +63,8 @@ pub enum MeshError {
     #[error("vertex {0} is not finite")]
     Vertex(usize),
     /// A setting out of its range.
-    #[error("{key} is {found}, allowed: {allowed}")]
-    Argument {
-        /// Its key.
-        key: &'static str,
-        /// Its value.
-        found: String,
-        /// The allowed values.
-        allowed: String,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
 }
 
 impl TriangleMesh {

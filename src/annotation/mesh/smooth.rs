@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::fans::{Fan, Fans};
 use super::{MeshError, TriangleMesh};
-use relief_base::Point;
+use relief_base::{OutOfRange, Point};
 
 /// The strength of smoothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +49,7 @@ impl TriangleMesh {
         let rounds = smoothing.rounds;
         if rounds > Smoothing::MOST_ROUNDS {
             let allowed = format!("0 to {}", Smoothing::MOST_ROUNDS);
-            return Err(MeshError::Argument { key: "rounds", found: rounds.to_string(), allowed });
+            return Err(OutOfRange::new("rounds", rounds, allowed).into());
         }
         let fans = Fans::new(self);
         let is_closed: Vec<bool> =

@@ -3,7 +3,8 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::error::{SnapError, out_of_range};
+use super::error::SnapError;
+use relief_base::OutOfRange;
 use relief_volume::Volume;
 
 /// Width of the Gaussian along each voxel axis: the geometric mean of the voxel's sides, but within
@@ -31,7 +32,7 @@ pub(super) fn expect_few_voxels(dims: [usize; 3], radius_mm: f64) -> Result<(), 
     }
     let most = radius_mm * (MOST_VOXELS / count).cbrt() * 0.95;
     let allowed = format!("at most {most:.1} mm for voxels as fine as these");
-    Err(out_of_range("radius_mm", &radius_mm, &allowed))
+    Err(OutOfRange::new("radius_mm", radius_mm, allowed).into())
 }
 
 /// The number of each value: whole HU, as voxels have them, so that nothing is lost.

@@ -27,12 +27,11 @@ mod search;
 mod surface;
 
 pub use error::SnapError;
-use error::out_of_range;
 pub use feature::SnapFeature;
 use field::Field;
 use search::Search;
 
-use relief_base::{Patient, Point, Vector};
+use relief_base::{OutOfRange, Patient, Point, Vector};
 use relief_volume::Volume;
 
 impl SnapFeature {
@@ -44,9 +43,9 @@ impl SnapFeature {
     /// # Errors
     /// When no feature has this name, a surface has no level, or another feature has one.
     pub fn from_name(name: &str, hu: Option<f64>) -> Result<Self, SnapError> {
-        let refuse = |key: &'static str, found: &str, allowed: &str| {
-            let found = found.chars().take(60).collect();
-            Err(SnapError::OutOfRange { key, found, allowed: allowed.to_owned() })
+        let refuse = |name: &str, found: &str, allowed: &str| {
+            let found: String = found.chars().take(60).collect();
+            Err(OutOfRange::new(name, found, allowed).into())
         };
         match (name, hu) {
             ("surface", Some(hu)) => Ok(Self::Surface { hu }),
@@ -126,16 +125,17 @@ pub fn snap_point(
 ) -> Result<Snapped, SnapError> {
     let Snap { to, radius_mm } = *snap;
     if !at.xyz.is_finite() {
-        return Err(out_of_range("at_mm", &at.xyz, "finite numbers, mm"));
+        return Err(OutOfRange::new("at_mm", at.xyz, "finite numbers, mm").into());
     }
     if !Snap::RADII_MM.contains(&radius_mm) {
         let allowed = format!("{} to {} mm", Snap::RADII_MM.start(), Snap::RADII_MM.end());
-        return Err(out_of_range("radius_mm", &radius_mm, &allowed));
+        return Err(OutOfRange::new("radius_mm", radius_mm, allowed).into());
     }
     let along = match ray {
         None => None,
         Some(ray) => Some(
-            ray.normalized().ok_or_else(|| out_of_range("ray", &ray.xyz, "a direction with some length"))?,
+            ray.normalized()
+                .ok_or_else(|| OutOfRange::new("ray", ray.xyz, "a direction with some length"))?,
         ),
     };
     let search = Search { at: at.xyz, ray: along.map(|ray| ray.xyz), radius_mm };
@@ -144,7 +144,7 @@ pub fn snap_point(
         SnapFeature::Surface { hu } => {
             if !Snap::LEVELS_HU.contains(&hu) {
                 let allowed = format!("{} to {} HU", Snap::LEVELS_HU.start(), Snap::LEVELS_HU.end());
-                return Err(out_of_range("hu", &hu, &allowed));
+                return Err(OutOfRange::new("hu", hu, allowed).into());
             }
             surface::find(&field, &search, hu)?
         }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::ball::{Ball, set_bits, span};
 use super::flood::flood;
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 use relief_volume::{Mask, Volume};
 
 /// Seeds, range and limits of growing.
@@ -77,7 +77,7 @@ pub enum GrowStage {
 }
 
 /// Receives progress; returning false cancels the work.
-pub type GrowWatch<'a> = dyn Fn(GrowProgress) -> bool + Sync + 'a;
+pub(crate) type GrowWatch<'a> = dyn Fn(GrowProgress) -> bool + Sync + 'a;
 
 /// Why no region was made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -94,15 +94,8 @@ pub enum GrowError {
         allowed_ml: f64,
     },
     /// A number that is no limit, or no range.
-    #[error("{key} is {found}, allowed: {allowed}")]
-    Argument {
-        /// Its key.
-        key: &'static str,
-        /// Its value.
-        found: String,
-        /// The allowed values.
-        allowed: String,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// A seed outside of the volume.
     #[error("seed {x:.1} {y:.1} {z:.1} mm is outside of the volume, which spans {span} (patient LPS)")]
     Outside {
@@ -147,11 +140,11 @@ impl GrowLimits {
     /// volume.
     const MOST_ROWS: usize = 20_000;
 
-    fn check(&self) -> Result<(), GrowError> {
+    fn check(&self) -> Result<(), OutOfRange> {
         let check = |key, value: Option<f64>, most: f64| match value {
             Some(found) if !(found > 0.0 && found <= most) => {
                 let allowed = format!("more than 0, at most {most}");
-                Err(GrowError::Argument { key, found: found.to_string(), allowed })
+                Err(OutOfRange::new(key, found, allowed))
             }
             _ => Ok(()),
         };
@@ -165,8 +158,8 @@ impl Grow {
     /// Most seeds.
     pub const MOST_SEEDS: usize = 1000;
 
-    fn check(&self) -> Result<(), GrowError> {
-        let refuse = |key, found: String, allowed: String| Err(GrowError::Argument { key, found, allowed });
+    fn check(&self) -> Result<(), OutOfRange> {
+        let refuse = |key, found: String, allowed: String| Err(OutOfRange::new(key, found, allowed));
         if !(1..=Self::MOST_SEEDS).contains(&self.seeds.len()) {
             return refuse(
                 "seeds",
@@ -269,7 +262,7 @@ fn open(connected: &Mask, seeds: &Mask, neck_mm: f64, watch: &GrowWatch) -> Resu
     if ball.rows() > GrowLimits::MOST_ROWS {
         let allowed =
             format!("a ball of at most {} rows of voxels, found {}", GrowLimits::MOST_ROWS, ball.rows());
-        return Err(GrowError::Argument { key: "neck_mm", found: neck_mm.to_string(), allowed });
+        return Err(OutOfRange::new("neck_mm", neck_mm, allowed).into());
     }
     let voxels = connected.voxels();
     let is_wanted = || watch(GrowProgress { stage: GrowStage::Necks, voxels });

@@ -24,8 +24,6 @@ mod refine;
 
 pub use contours::{Contour, FillError};
 pub use fill::fill_contours;
-pub use grow::{
-    Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrowWatch, GrownRegion, GrowthEnd, grow_region,
-};
-pub use paint::{PaintError, Stroke, paint_strokes};
+pub use grow::{Grow, GrowError, GrowLimits, GrowProgress, GrowStage, GrownRegion, GrowthEnd, grow_region};
+pub use paint::{Stroke, paint_strokes};
 pub use refine::{RefineStep, refine_region};

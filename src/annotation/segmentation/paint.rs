@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::ball::span;
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 use relief_volume::Mask;
 
 /// The effect of a brush.
@@ -19,15 +19,6 @@ pub enum Stroke {
     Add,
     /// Voxels go.
     Erase,
-}
-
-/// A ball that cannot be painted with.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{key} is {found}, allowed: {allowed}")]
-pub struct PaintError {
-    key: &'static str,
-    found: String,
-    allowed: String,
 }
 
 /// Places along each axis of a voxel, from its centre. An odd number: halves of a voxel must not
@@ -46,14 +37,13 @@ pub fn paint_strokes(
     center: Point<Patient>,
     radius_mm: f64,
     stroke: Stroke,
-) -> Result<u64, PaintError> {
+) -> Result<u64, OutOfRange> {
     if !(radius_mm > 0.0 && radius_mm <= LARGEST_MM) {
         let allowed = format!("more than 0, at most {LARGEST_MM} mm");
-        return Err(PaintError { key: "radius_mm", found: radius_mm.to_string(), allowed });
+        return Err(OutOfRange::new("radius_mm", radius_mm, allowed));
     }
     if !center.xyz.is_finite() {
-        let found = center.xyz.to_string();
-        return Err(PaintError { key: "center_mm", found, allowed: "three numbers, mm".to_owned() });
+        return Err(OutOfRange::new("center_mm", center.xyz, "three numbers, mm"));
     }
     let grid = mask.grid().clone();
     let linear = grid.patient_from_voxel().linear();

@@ -5,10 +5,10 @@
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use data_encoding::HEXLOWER;
+use parking_lot::Mutex;
 use relief_base::write_whole;
 use relief_dicom::{CommitmentRequest, CommitmentResult, file_around, read_identity};
 use sha2::{Digest, Sha256};
@@ -109,7 +109,7 @@ impl Inbox {
         let is_kept = |sop_instance: &str| kept.contains(&(name_of(sop_instance) + ".dcm"));
         let (committed, missing) =
             request.objects.into_iter().partition(|object| is_kept(&object.sop_instance));
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         for (_, series) in state.growing.iter_mut().filter(|(folder, _)| folders.contains(*folder)) {
             series.is_committed = true;
         }
@@ -127,7 +127,7 @@ impl Inbox {
         let is_new = !folder.is_dir();
         let written = std::fs::create_dir_all(folder).and_then(|()| write_whole(path, file));
         let written = written.and_then(|()| sync_folders(folder, if is_new { &self.folder } else { folder }));
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         if let Err(error) = written {
             state.bytes = state.bytes.saturating_sub(file.len() as u64);
             return Err(error);
@@ -142,7 +142,7 @@ impl Inbox {
     }
 
     fn reserve(&self, bytes: u64) -> bool {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let has_room = state.bytes.saturating_add(bytes) <= self.quota_bytes;
         state.bytes += if has_room { bytes } else { 0 };
         has_room
@@ -151,7 +151,7 @@ impl Inbox {
     /// The series of which nothing has arrived for so long, or which were committed; each is reported
     /// once until more arrives.
     pub fn completed(&self, quiet: Duration) -> Vec<CompletedSeries> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let mut completed = Vec::new();
         state.growing.retain(|folder, series| {
             let is_quiet = series.is_committed || series.last.elapsed() >= quiet;
@@ -162,11 +162,6 @@ impl Inbox {
         });
         completed.sort_by(|a, b| a.folder.cmp(&b.folder));
         completed
-    }
-
-    /// The value is whole between statements.
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -75,7 +75,7 @@ impl Copies {
         let name = self.name_of(bucket, key, &objects);
         let is_one = matches!(&*objects, [one] if one.location.as_ref() == key);
         // One at a time: two would not know of each other's bytes.
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             draft.reserve(needed)?;
@@ -110,7 +110,7 @@ impl Copies {
     }
 
     fn bucket(&self, name: &str) -> std::io::Result<Arc<Bucket>> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         if let Some(known) = state.buckets.get(name) {
             return Ok(Arc::clone(known));
         }

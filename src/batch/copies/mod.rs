@@ -53,7 +53,7 @@ pub struct CopyProgress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
 pub struct Copies {
     options: CopiesOptions,
     #[cfg(any(feature = "archives", feature = "buckets"))]
-    state: Arc<std::sync::Mutex<state::State>>,
+    state: Arc<parking_lot::Mutex<state::State>>,
 }
 
 /// Files of this machine: a series' own, or a copy that stays while this lives.
@@ -109,9 +109,6 @@ impl Copies {
 
     /// The value is whole between statements.
     #[cfg(any(feature = "archives", feature = "buckets"))]
-    fn lock(&self) -> std::sync::MutexGuard<'_, state::State> {
-        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-    }
 
     /// The same copies, which notify another one of the progress of retrievals.
     #[must_use]

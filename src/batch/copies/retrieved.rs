@@ -78,7 +78,7 @@ impl Copies {
         let name = name_of(&address, &listed);
         let files = listed.instances().len();
         // One at a time: two would not know of each other's bytes.
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             let progress = |done: usize| self.options.progress.report(done, files);
@@ -110,7 +110,7 @@ impl Copies {
     }
 
     fn archive(&self, address: &ArchiveAddress) -> std::io::Result<Arc<Archive>> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         if let Some(known) = state.archives.get(address.base()) {
             return Ok(Arc::clone(known));
         }

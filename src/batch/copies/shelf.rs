@@ -10,9 +10,9 @@
 use std::fs::File;
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
+use parking_lot::Mutex;
 use rayon::prelude::*;
 use tempfile::TempDir;
 
@@ -257,7 +257,7 @@ impl Draft<'_> {
 
     /// Makes room for a copy of this size; as the copy grows, it may be called again.
     pub(super) fn reserve(&self, bytes: u64) -> std::io::Result<()> {
-        let mut reserved = self.reserved.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reserved = self.reserved.lock();
         if bytes <= *reserved {
             return Ok(());
         }

@@ -3,10 +3,11 @@
 
 use std::collections::HashMap;
 use std::future::Future;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use parking_lot::{Condvar, Mutex};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
@@ -110,7 +111,7 @@ pub fn work_queue(
     let source = Source { jobs, worker: &worker, shared: &shared, is_alone: false };
     let gate = MemoryBudget::new(options.voxel_bytes);
     render_groups(renderer, source, &options.copies, &gate, &shared);
-    let counts = *lock(&worker.counts);
+    let counts = *worker.counts.lock();
     let summary = shared.into_summary();
     drop(worker); // ends the client's wait for messages
     let ended = runtime.block_on(client).map_err(std::io::Error::other)?;
@@ -194,14 +195,13 @@ impl Worker<'_> {
 
     /// Waits until no job is in progress, at most until one counts as stuck.
     fn await_all(&self) {
-        let waited =
-            self.ended.wait_timeout_while(lock(&self.running), STUCK_AFTER, |running| !running.is_empty());
-        drop(waited.unwrap_or_else(PoisonError::into_inner));
+        let mut running = self.running.lock();
+        self.ended.wait_while_for(&mut running, |running| !running.is_empty(), STUCK_AFTER);
     }
 
     /// Removes a job from those in progress here.
     fn end(&self, job: &JobKey) -> RunningJob {
-        let ended = lock(&self.running).remove(job).unwrap_or_default();
+        let ended = self.running.lock().remove(job).unwrap_or_default();
         self.ended.notify_all();
         ended
     }
@@ -210,12 +210,12 @@ impl Worker<'_> {
     /// worker, too, the next one knows how often it was started.
     fn begin(&self, TakenJob { job, message, delivered }: &TakenJob) -> bool {
         if self.stopping.load(Ordering::Relaxed) {
-            lock(&self.counts).handed_back += 1;
+            self.counts.lock().handed_back += 1;
             self.send(&job.job, JobOutcome::Returned);
             return false;
         }
         if Record::of_done(job, self.sink).is_some() {
-            lock(&self.counts).skipped += 1;
+            self.counts.lock().skipped += 1;
             (self.report)(RunEvent::Skipped(job));
             self.send(&job.job, JobOutcome::Done);
             return false;
@@ -225,7 +225,7 @@ impl Worker<'_> {
         let recorded = || FailedAttempt::read(job, self.sink).filter(|known| known.message == *message);
         let before = (*delivered > 1).then(recorded).flatten().map_or(0, |known| known.tries);
         let running = RunningJob { message: *message, tries: before.saturating_add(1) };
-        lock(&self.running).insert(job.job.clone(), running);
+        self.running.lock().insert(job.job.clone(), running);
         if *delivered <= 1 {
             return true;
         }
@@ -238,7 +238,7 @@ impl Worker<'_> {
         if before >= self.limit {
             failure.reason = format!("it was started at least {before} times, and no worker finished it");
             failure.kind = FailureKind::Permanent;
-            lock(&self.running).insert(job.job.clone(), RunningJob { tries: before, ..running });
+            self.running.lock().insert(job.job.clone(), RunningJob { tries: before, ..running });
             self.fail(&failure);
             return false;
         }
@@ -277,7 +277,7 @@ impl Worker<'_> {
         let outcome =
             if is_final && is_recorded { JobOutcome::Failed } else { JobOutcome::Retry(pause_after(tries)) };
         {
-            let mut counts = lock(&self.counts);
+            let mut counts = self.counts.lock();
             *(if outcome == JobOutcome::Failed { &mut counts.failed } else { &mut counts.put_off }) += 1;
         }
         (self.report)(RunEvent::Failed(failure));
@@ -293,11 +293,6 @@ impl Worker<'_> {
 fn pause_after(tries: u32) -> Duration {
     let [first, longest] = PAUSES;
     first.saturating_mul(2_u32.saturating_pow(tries.saturating_sub(1))).min(longest)
-}
-
-/// The counts and the map are valid after a panic elsewhere, too.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

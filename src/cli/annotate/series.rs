@@ -4,11 +4,9 @@ use std::path::PathBuf;
 
 use super::super::bucket::CopiesArguments;
 use super::super::series as any_series;
-use super::super::source::{self, SeriesOptions};
+use super::super::source::SeriesOptions;
 use relief_annotation::FrameOfReference;
-use relief_batch::Location;
-use relief_dicom::{Loaded, SeriesReference, Strictness};
-
+use relief_dicom::{Loaded, SeriesReference};
 use relief_volume::Grid;
 
 /// The series that items belong to.
@@ -42,20 +40,9 @@ impl SeriesArguments {
         let Some(path) = &self.series else { return Ok(None) };
         let uid = self.series_uid.as_deref();
         let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
-        if Location::is_remote(path) {
-            let (loaded, ()) = any_series::load_after(path, &self.copies, &options, |_| Ok(()))?;
-            let reference = loaded.reference.clone().map(std::sync::Arc::unwrap_or_clone);
-            return Ok(Some(Series::of(&loaded, reference)));
-        }
-        if relief_dicom::is_volume_file(path) {
-            return Ok(Some(Series::of(&source::load(path, &options)?, None)));
-        }
-        let found = source::discover(path, Strictness::Lenient)?;
-        let entry = source::select(&found, uid)?;
-        source::warn(&found.warnings());
-        let loaded = source::load_entry(entry, Strictness::Lenient)?;
-        source::warn(&loaded.warnings);
-        Ok(Some(Series::of(&loaded, SeriesReference::of(entry).ok())))
+        let (loaded, ()) = any_series::load_after(path, &self.copies, &options, |_| Ok(()))?;
+        let reference = loaded.reference.clone().map(std::sync::Arc::unwrap_or_clone);
+        Ok(Some(Series::of(&loaded, reference)))
     }
 }
 

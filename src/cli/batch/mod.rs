@@ -11,11 +11,11 @@ mod shared;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use indicatif::ProgressBar;
+use parking_lot::Mutex;
 use serde_json::json;
 
 use crate::adapter::AdapterArguments;
@@ -281,7 +281,7 @@ impl RunProgress {
 
     fn tell(&self, step: RunEvent<'_>) {
         self.bar.inc(1);
-        let Ok(mut printed) = self.printed.lock() else { return };
+        let mut printed = self.printed.lock();
         if let RunEvent::Done(job, Record { picture_warning: Some(warning), .. }) = step {
             self.bar.suspend(|| eprintln!("warning: {}: {warning}", job.name()));
         }

@@ -4,12 +4,13 @@
 //! frame at that rate, so that the film keeps the time of the session.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use parking_lot::Mutex;
 
 use crate::output::say;
 use relief_client::{Composer, Received};
@@ -56,7 +57,7 @@ impl FilmRecorder {
 
     /// The newest frame of the session.
     pub(crate) fn take(&self, received: &Received) {
-        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(received.clone());
+        *self.newest.lock() = Some(received.clone());
     }
 
     /// Ends the film, and checks the written file.
@@ -96,7 +97,7 @@ impl Recording {
         let mut frame: Option<Frame> = None;
         loop {
             let is_last = self.is_done.load(Ordering::Relaxed);
-            let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let newest = self.newest.lock().take();
             if let Some(received) = newest {
                 frame = Some(self.composed(&received)?);
             }

@@ -1,7 +1,9 @@
 //! The Wiimote of a display box: tracked here, or its reports relayed for the server to track.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 use crate::track::scene::TrackSceneArguments;
 use crate::track::source::{Event, LiveOptions, Source};
@@ -76,7 +78,7 @@ pub(crate) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Res
                 continue;
             };
             match open.next() {
-                Ok(Some(event)) => lock(&hand).take(event),
+                Ok(Some(event)) => hand.lock().take(event),
                 Ok(None) => return,
                 Err(error) => {
                     eprintln!("the Wiimote cannot be read: {error:#}");
@@ -89,16 +91,12 @@ pub(crate) fn start(arguments: &RemoteArguments, handle: &Handle) -> anyhow::Res
     Ok(tracking)
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Releases everything when messages stop.
 fn watch_for_silence(hand: Arc<Mutex<RemoteReader>>) -> anyhow::Result<()> {
     let watch = move || {
         loop {
             std::thread::sleep(SILENT / 5);
-            let mut hand = lock(&hand);
+            let mut hand = hand.lock();
             if hand.handle.is_stopped() {
                 return;
             }
@@ -128,7 +126,7 @@ struct RemoteReader {
 impl RemoteReader {
     fn new(handle: &Handle, tracker: Option<Tracker>, tracking: Tracking) -> Self {
         if tracker.is_some() {
-            *lock(&tracking) = Some(TrackingState::Searching);
+            *tracking.lock() = Some(TrackingState::Searching);
         }
         let pose = RemotePose { state: TrackingState::Searching, pose: None, buttons: Vec::new() };
         let handle = handle.clone();
@@ -164,7 +162,7 @@ impl RemoteReader {
         if let Some(sample) = &sample {
             self.pose.state = sample.state;
             self.pose.pose = sample.pose.map(|pose| (pose.position.into(), pose.orientation_xyzw()));
-            *lock(&self.tracking) = Some(sample.state);
+            *self.tracking.lock() = Some(sample.state);
         }
         if sample.is_some() || changed {
             self.pose.buttons = buttons.names().map(str::to_owned).collect();
@@ -177,7 +175,7 @@ impl RemoteReader {
         self.buttons = Buttons::default();
         if self.tracker.is_some() {
             self.pose = RemotePose { state: TrackingState::Lost, pose: None, buttons: Vec::new() };
-            *lock(&self.tracking) = Some(TrackingState::Lost);
+            *self.tracking.lock() = Some(TrackingState::Lost);
             self.handle.pose(self.handle.now_ns(), PoseKind::Remote(self.pose.clone()));
         }
     }

@@ -1,9 +1,9 @@
 //! `relief client` without a window: prints and records events, and keeps the newest still frame.
 
 use std::collections::BTreeSet;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
@@ -43,14 +43,10 @@ impl Recorder {
         Self(Mutex::new(Recording::default()))
     }
 
-    fn recording(&self) -> MutexGuard<'_, Recording> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Records events. After a failure it records no more, and [`Recorder::finish`] returns the
     /// error.
     pub(crate) fn keep(&self, t_ns: u64, event: &Event) {
-        let mut recording = self.recording();
+        let mut recording = self.0.lock();
         if let (Some(film), Event::Frame(received)) = (&recording.film, event) {
             film.take(received);
         }
@@ -65,7 +61,7 @@ impl Recorder {
 
     /// Makes a whole file of it.
     pub(crate) fn finish(&self) -> anyhow::Result<()> {
-        let mut recording = self.recording();
+        let mut recording = self.0.lock();
         if let Some(film) = recording.film.take() {
             return film.finish();
         }
@@ -86,7 +82,7 @@ pub(crate) struct LinkLog {
 
 impl LinkLog {
     pub(crate) fn take(&self, event: &Event) {
-        let mut printed = self.printed.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut printed = self.printed.lock();
         match event {
             Event::State(LinkState::Connected { resumed, view, .. }) => {
                 let how = if *resumed { "resumed" } else { "connected" };
@@ -152,29 +148,17 @@ impl<'a> FrameCounter<'a> {
         match event {
             Event::Frame(received) => {
                 self.handle.ack(received.connection, received.header.sequence);
-                *self.still() = received.header.still.then_some(received);
+                *self.still.lock() = received.header.still.then_some(received);
             }
             Event::State(LinkState::Silent | LinkState::Heard) => {}
             Event::State(state) => {
-                *self.connected() = matches!(state, LinkState::Connected { .. });
+                *self.connected.lock() = matches!(state, LinkState::Connected { .. });
             }
             Event::Message(_) => {}
             Event::Sent(_) | Event::Unreadable(_) => return,
         }
-        *self.moved() = Instant::now();
+        *self.moved.lock() = Instant::now();
         self.changed.notify_waiters();
-    }
-
-    fn still(&self) -> MutexGuard<'_, Option<Received>> {
-        self.still.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn moved(&self) -> MutexGuard<'_, Instant> {
-        self.moved.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn connected(&self) -> MutexGuard<'_, bool> {
-        self.connected.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for an event.
@@ -190,7 +174,7 @@ impl<'a> FrameCounter<'a> {
 
     /// Waits for a connection and sends the pose; gives its number, 0 without a pose.
     pub(crate) async fn look(&self, look: Option<OrbitPose>) -> u64 {
-        self.until(|watch| watch.connected().then_some(())).await;
+        self.until(|watch| watch.connected.lock().then_some(())).await;
         let pose = look.map(PoseKind::Orbit);
         pose.and_then(|pose| self.handle.pose(self.handle.now_ns(), pose)).unwrap_or(0)
     }
@@ -199,11 +183,11 @@ impl<'a> FrameCounter<'a> {
     /// after a while without frames and messages the newest frame counts, if it is still; what
     /// moves is shown at once, so it would not be.
     pub(crate) async fn still_after(&self, seq: u64) -> Received {
-        *self.moved() = Instant::now();
+        *self.moved.lock() = Instant::now();
         loop {
-            let newest = self.until(|watch| watch.still().clone());
+            let newest = self.until(|watch| watch.still.lock().clone());
             if let Ok(still) = timeout(QUIET, newest).await {
-                let quiet = self.moved().elapsed() > QUIET;
+                let quiet = self.moved.lock().elapsed() > QUIET;
                 if quiet || still.header.shows_seq >= seq {
                     return still;
                 }

@@ -37,7 +37,7 @@ pub(crate) fn run(
             handle: handle.clone(),
             recorder: std::sync::Arc::clone(&recorder),
             log: LinkLog::default(),
-            look: std::sync::Mutex::new(arguments.look),
+            look: parking_lot::Mutex::new(arguments.look),
         };
         let options = session.options.clone();
         let signal = {
@@ -106,7 +106,7 @@ fn window_options(arguments: &ClientArguments, session: &Session) -> WindowOptio
 /// Passes the state of tracking to the window, where the client tracks.
 async fn tell_tracking(tracking: &Tracking, screen: &Screen) {
     loop {
-        let known = *tracking.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let known = *tracking.lock();
         if known.is_some() {
             screen.tracking(known);
         }
@@ -120,7 +120,7 @@ struct Live {
     handle: Handle,
     recorder: std::sync::Arc<Recorder>,
     log: LinkLog,
-    look: std::sync::Mutex<Option<OrbitPose>>,
+    look: parking_lot::Mutex<Option<OrbitPose>>,
 }
 
 impl Live {
@@ -129,7 +129,7 @@ impl Live {
         self.recorder.keep(self.handle.now_ns(), event);
         self.screen.take(event);
         if matches!(event, Event::State(LinkState::Connected { .. })) {
-            let look = self.look.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+            let look = self.look.lock().take();
             if let Some(look) = look {
                 self.handle.pose(self.handle.now_ns(), PoseKind::Orbit(look));
             }

@@ -1,7 +1,6 @@
 //! Counts of one client.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::Notify;
 
 use crate::compose::{Composed, Composer};
@@ -63,7 +62,7 @@ impl Meter {
     }
 
     pub(super) fn seen(&self) -> MutexGuard<'_, Measurements> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+        self.seen.lock()
     }
 
     pub(super) fn begin(&self) {

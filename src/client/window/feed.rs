@@ -1,9 +1,10 @@
 //! The way of frames from a session to its window: the newest frame is composed on its own thread,
 //! for the newest eyes.
 
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
+use parking_lot::{Condvar, Mutex};
 use tokio::sync::watch;
 use winit::event_loop::EventLoopProxy;
 
@@ -70,28 +71,24 @@ impl Screen {
         Self { shared, wake }
     }
 
-    fn newest(&self) -> MutexGuard<'_, Newest> {
-        self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Takes what happens in a session. Quick: frames are composed elsewhere.
     pub fn take(&self, event: &Event) {
         match event {
             Event::Frame(received) => {
-                self.newest().frame = Some(received.clone());
+                self.shared.newest.lock().frame = Some(received.clone());
                 self.shared.changed.notify_all();
             }
             Event::State(state) => {
                 let offline = !matches!(state, LinkState::Connected { .. } | LinkState::Heard);
                 self.mark(|marks| marks.offline = offline);
                 if let LinkState::Connected { view, .. } = state {
-                    self.newest().view = Some(view.clone());
+                    self.shared.newest.lock().view = Some(view.clone());
                 }
                 let _ = self.wake.send_event(SessionEvent::Link(state.clone())); // fails when the window is gone
             }
             Event::Message(message) => match message.as_ref() {
                 ServerMessage::Tracking(known) => self.tracking(Some(known.state)),
-                ServerMessage::Eyes(eyes) if !self.newest().has_tracker => self.put_eyes(*eyes),
+                ServerMessage::Eyes(eyes) if !self.shared.newest.lock().has_tracker => self.put_eyes(*eyes),
                 _ => {}
             },
             Event::Sent(_) | Event::Unreadable(_) => {}
@@ -101,7 +98,7 @@ impl Screen {
     /// Shows the newest frame for these eyes, which a tracker of this machine reports. They do not
     /// pass through the server.
     pub fn follow(&self, eyes: Eyes) {
-        self.newest().has_tracker = true;
+        self.shared.newest.lock().has_tracker = true;
         self.put_eyes(eyes);
     }
 
@@ -109,14 +106,14 @@ impl Screen {
     /// the window is gone. Run it beside the session.
     pub async fn show_rendered_views(&self, options: &Options) {
         let show = |shown, stacked| {
-            self.newest().rendered = Some((shown, stacked));
+            self.shared.newest.lock().rendered = Some((shown, stacked));
             self.shared.changed.notify_all();
         };
         rest::serve(self.shared.resting.subscribe(), options, show).await;
     }
 
     fn put_eyes(&self, eyes: Eyes) {
-        let mut newest = self.newest();
+        let mut newest = self.shared.newest.lock();
         // Eyes that were not shown yet give way, and the time from the first of them counts.
         let since = newest.eyes.map_or_else(Instant::now, |waiting| waiting.since);
         newest.eyes = Some(NewEyes { eyes, since });
@@ -130,7 +127,7 @@ impl Screen {
     }
 
     fn mark(&self, change: impl FnOnce(&mut Marks)) {
-        let mut newest = self.newest();
+        let mut newest = self.shared.newest.lock();
         let before = newest.marks;
         change(&mut newest.marks);
         let after = newest.marks;
@@ -142,7 +139,7 @@ impl Screen {
 
     /// Ends the window: the session is over.
     pub fn stop(&self) {
-        self.newest().stopped = true;
+        self.shared.newest.lock().stopped = true;
         self.shared.changed.notify_all();
         let _ = self.wake.send_event(SessionEvent::Stop); // fails when the window is gone
     }
@@ -174,7 +171,7 @@ impl Screen {
     }
 
     fn next_work(&self) -> Option<Work> {
-        let mut newest = self.newest();
+        let mut newest = self.shared.newest.lock();
         loop {
             if newest.stopped {
                 return None;
@@ -188,7 +185,7 @@ impl Screen {
             if work.frame.is_some() || work.eyes.is_some() || work.rendered.is_some() {
                 return Some(work);
             }
-            newest = self.shared.changed.wait(newest).unwrap_or_else(PoisonError::into_inner);
+            self.shared.changed.wait(&mut newest);
         }
     }
 }

@@ -22,7 +22,8 @@ use winit::event_loop::EventLoop;
 
 pub use feed::Screen;
 pub use follow::Followed;
-pub use notice::{Lettering, LetteringFn};
+pub use notice::Lettering;
+pub(crate) use notice::LetteringFn;
 
 use super::compose::{Composed, Composer};
 use super::handle::Handle;

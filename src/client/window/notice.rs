@@ -10,7 +10,7 @@ pub struct Lettering {
 }
 
 /// Makes a line of text whose capitals have this height, px.
-pub type LetteringFn = fn(&str, u32) -> Lettering;
+pub(crate) type LetteringFn = fn(&str, u32) -> Lettering;
 
 /// Height of capitals as a share of the window's height: 60 px of 1080, 29 mm on a display of 42".
 const CAPITALS: u32 = 18;

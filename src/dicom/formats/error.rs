@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use relief_base::OutOfRange;
 use relief_volume::GridError;
 
 /// Why a volume or a label map could not be read.
@@ -25,15 +26,8 @@ pub enum FormatError {
     #[error("the compressed part is damaged: {0}")]
     Damaged(std::io::Error),
     /// A part of the header is missing or not understood.
-    #[error("{key} is {found}, allowed: {allowed}")]
-    Header {
-        /// The field, by its name in the format's own documentation.
-        key: String,
-        /// The value.
-        found: String,
-        /// The permitted values.
-        allowed: String,
-    },
+    #[error(transparent)]
+    Header(#[from] OutOfRange),
     /// The voxels do not span space.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -86,6 +80,6 @@ impl FormatError {
 
     pub(super) fn header(key: &str, found: impl std::fmt::Display, allowed: impl Into<String>) -> Self {
         let found: String = found.to_string().chars().take(80).collect();
-        Self::Header { key: key.to_owned(), found, allowed: allowed.into() }
+        OutOfRange::new(key, found, allowed).into()
     }
 }

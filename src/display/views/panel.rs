@@ -2,6 +2,7 @@
 //!
 //! Lengths are pixels of the panel, places (x, y) from its top left corner.
 
+use relief_base::OutOfRange;
 use serde::{Deserialize, Serialize};
 
 /// Pixels from lens to lens that make sense: below one there is no room for two views.
@@ -53,15 +54,8 @@ pub enum PanelError {
     )]
     Format(#[from] serde_json::Error),
     /// A value is out of range.
-    #[error("{key} is {value}; allowed: {} to {}", allowed.start(), allowed.end())]
-    Range {
-        /// The key.
-        key: &'static str,
-        /// Its value.
-        value: f64,
-        /// The permitted values.
-        allowed: std::ops::RangeInclusive<f64>,
-    },
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
     /// The panel has its own pattern of subpixels.
     #[error(
         "the calibration has subpixelCells, a pattern of its own for red, green and blue; only panels with \
@@ -90,21 +84,25 @@ impl LensPanel {
         } else {
             Self::deserialize(&value)?
         };
-        panel.check().map(|()| panel)
+        panel.check()?;
+        Ok(panel)
     }
 
     /// Whether every value is in range.
     ///
     /// # Errors
     /// The first value that is not.
-    pub fn check(&self) -> Result<(), PanelError> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         let values = [
             ("pitch_px", self.pitch_px, PITCHES_PX),
             ("slant", self.slant, SLANTS),
             ("center", self.center, CENTERS),
         ];
         match values.into_iter().find(|(_, value, allowed)| !allowed.contains(value)) {
-            Some((key, value, allowed)) => Err(PanelError::Range { key, value, allowed }),
+            Some((key, value, allowed)) => {
+                let allowed = format!("{} to {}", allowed.start(), allowed.end());
+                Err(OutOfRange::new(key, value, allowed))
+            }
             None => Ok(()),
         }
     }
@@ -240,7 +238,7 @@ mod tests {
     fn files_that_describe_no_panel_are_refused_with_the_reason() {
         let refused = |text: &str| LensPanel::from_json(text.as_bytes()).unwrap_err().to_string();
         assert!(refused("{}").contains("missing field `pitch_px`"), "{}", refused("{}"));
-        assert!(refused(r#"{"pitch_px": 0.5}"#).starts_with("pitch_px is 0.5; allowed: 1 to 1000"));
+        assert!(refused(r#"{"pitch_px": 0.5}"#).starts_with("pitch_px is 0.5, allowed: 1 to 1000"));
         assert!(refused(r#"{"pitch_px": 5, "tilt": 1}"#).contains("unknown field `tilt`"));
         assert!(refused(r#"{"serial": "x"}"#).contains("missing field `pitch`"));
         let cells = r#"{"serial": "x", "pitch": {"value": 45}, "slope": {"value": -5}, "center": {"value": 0}, "DPI": {"value": 324},

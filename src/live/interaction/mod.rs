@@ -61,5 +61,5 @@ pub use gestures::Gestures;
 pub use hand::{HandOptions, HandPose, HandSample};
 pub use intent::{GrabMode, Intent, IntentError, Pivot, PlacePhase};
 pub use spacemouse::{SPACENAV_EVENT_BYTES, SpaceMouseEvent};
-pub use stage::{Home, Stage, StageError};
+pub use stage::{Home, Stage};
 pub use view::{CursorMark, CutPlane, DisplayedPicture, ViewRecord, ViewState};

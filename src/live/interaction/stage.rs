@@ -1,6 +1,6 @@
 //! The properties of the displayed volume that a view depends on.
 
-use relief_base::{Patient, Point, Vector};
+use relief_base::{OutOfRange, Patient, Point, Vector};
 use relief_volume::{Grid, Orbit};
 
 /// The volume's bounding sphere, the sphere that views are fitted to, the picture, the presets, and the
@@ -33,18 +33,6 @@ impl Home {
         Orbit { azimuth_deg: 20.0, elevation_deg: 10.0, zoom: 1.0, vertical_fov_deg: 22.0 };
 }
 
-/// A stage on which no view is possible.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what} is {found}, allowed: {allowed}")]
-pub struct StageError {
-    /// The part.
-    pub what: &'static str,
-    /// The value.
-    pub found: String,
-    /// The permitted values.
-    pub allowed: String,
-}
-
 impl Stage {
     /// Radii of bounding spheres, mm: every view of such a sphere has a camera.
     pub const RADII_MM: std::ops::RangeInclusive<f64> = 0.1..=1e4;
@@ -63,8 +51,8 @@ impl Stage {
         size_px: [u32; 2],
         presets: Vec<String>,
         home: Home,
-    ) -> Result<Self, StageError> {
-        let refuse = |what, found: String, allowed: String| Err(StageError { what, found, allowed });
+    ) -> Result<Self, OutOfRange> {
+        let refuse = |part: &str, found: String, allowed: String| Err(OutOfRange::new(part, found, allowed));
         if !center.xyz.to_array().iter().all(|c| c.abs() <= Self::MAX_CENTER_MM) {
             let allowed = format!("within {} mm", Self::MAX_CENTER_MM);
             return refuse("center", format!("{:?}", center.xyz.to_array()), allowed);
@@ -76,9 +64,7 @@ impl Stage {
         if size_px.contains(&0) {
             return refuse("size_px", format!("{size_px:?}"), "at least 1 x 1".to_owned());
         }
-        if let Err(error) = home.orbit.validate() {
-            return refuse(error.what, error.found.to_string(), error.allowed);
-        }
+        home.orbit.validate()?;
         if let Some(name) = home.preset.as_ref().filter(|name| !presets.contains(name)) {
             return refuse("preset", format!("{name:?}"), presets.join(", "));
         }
@@ -96,7 +82,7 @@ impl Stage {
         size_px: [u32; 2],
         presets: Vec<String>,
         home: Home,
-    ) -> Result<Self, StageError> {
+    ) -> Result<Self, OutOfRange> {
         Self::new(grid.center(), grid.bounding_radius_mm(), size_px, presets, home)
     }
 

@@ -8,7 +8,7 @@ use crate::format::{ColorFormat, DepthFormat};
 use relief_annotation::Item;
 
 /// Most characters of the name of a view.
-pub const MAX_VIEW_NAME: usize = 64;
+pub(crate) const MAX_VIEW_NAME: usize = 64;
 /// Most formats that a client may list.
 const MAX_FORMATS: usize = 16;
 /// Maximum length of a client's name, characters.

@@ -19,7 +19,7 @@ use crate::interaction::Intent;
 
 pub use error::{MessageError, MessageFault};
 pub use eyes::Eyes;
-pub use hello::{Accept, ColorFormats, Formats, Hello, MAX_VIEW_NAME, NoFormat, Role, check_view_name};
+pub use hello::{Accept, ColorFormats, Formats, Hello, NoFormat, Role, check_view_name};
 pub use pose::{IntentMessage, OrbitPose, Pose, PoseKind, RawReport, RemotePose};
 pub use server::{
     AnnotationsMessage, ErrorMessage, NextLabel, OutsideDepth, Peers, ServerMessage, SnappedPlace,

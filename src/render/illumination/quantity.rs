@@ -9,9 +9,9 @@ use crate::labels::Labels;
 use crate::light::InPatient;
 use crate::mode::Mode;
 use crate::request::{Clip, RenderRequest};
-use crate::request_error::RequestError;
+use crate::scene::camera_out_of_range;
 use crate::surface::Surface;
-use relief_base::Vector;
+use relief_base::{OutOfRange, Vector};
 use relief_volume::{Camera, ContentHash, Grid, Projection, TransferFunction};
 
 /// The texels of cells on a GPU: every adapter can write and filter them. Drivers in software
@@ -60,7 +60,7 @@ impl LightQuantity {
         request: &RenderRequest,
         grid: &Grid,
         cells: &Cells,
-    ) -> Result<RenderRequest, RequestError> {
+    ) -> Result<RenderRequest, OutOfRange> {
         let sample_distance_mm = match *self {
             Self::Shadows(_) => cells.shadow_step_mm(),
             Self::Openness { radius_mm } => cells.openness_step_mm(radius_mm),
@@ -68,7 +68,8 @@ impl LightQuantity {
         let radius_mm = grid.bounding_radius_mm();
         let eye = grid.center() + Vector::new(0.0, -2.0 * radius_mm, 0.0);
         let projection = Projection::Orthographic { height_mm: (2.0 * radius_mm).clamp(1e-3, 1e6) };
-        let camera = Camera::new(eye, grid.center(), Vector::new(0.0, 0.0, 1.0), projection)?;
+        let camera = Camera::new(eye, grid.center(), Vector::new(0.0, 0.0, 1.0), projection)
+            .map_err(camera_out_of_range)?;
         Ok(RenderRequest { camera, sample_distance_mm, ..request.clone() })
     }
 }

@@ -1,7 +1,7 @@
 //! The strength of shadows and occlusion, and its ranges.
 
 use crate::light::Light;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 
 /// Shadows and occlusion of modes composite and isosurface. Neither changes depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,7 +30,7 @@ impl Default for Occlusion {
 }
 
 impl Illumination {
-    pub(crate) fn validate(&self, lights: &[Light]) -> Result<(), RequestError> {
+    pub(crate) fn validate(&self, lights: &[Light]) -> Result<(), OutOfRange> {
         let Self { shadows, occlusion: Occlusion { strength, radius_mm } } = *self;
         for (key, value, [low, high]) in [
             ("shadows", shadows, [0.0, 1.0]),
@@ -39,12 +39,12 @@ impl Illumination {
         ] {
             if !(low..=high).contains(&value) {
                 let allowed = format!("{low} to {high}");
-                return Err(RequestError::new(&format!("shading.{key}"), &value, &allowed));
+                return Err(OutOfRange::new(format!("shading.{key}"), value, allowed));
             }
         }
         if shadows > 0.0 && lights.is_empty() {
             let allowed = "0 without lights: what the headlight does not reach, the eye does not see";
-            return Err(RequestError::new("shading.shadows", &shadows, allowed));
+            return Err(OutOfRange::new("shading.shadows", shadows, allowed));
         }
         Ok(())
     }

@@ -6,8 +6,7 @@
 use std::sync::Arc;
 
 use super::text::HEIGHTS_PX;
-use crate::request_error::RequestError;
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 
 /// Everything that is drawn over a picture, in the same depth as the volume.
 #[derive(Clone, Debug, PartialEq)]
@@ -187,7 +186,7 @@ impl Overlays {
     ///
     /// # Errors
     /// The first value out of range, with its key's path.
-    pub fn validate(&self) -> Result<(), RequestError> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         within("overlays.occluded", self.occluded, [0.0, 1.0])?;
         if let Some(height_px) = self.label_height_px {
             within("overlays.label_height_px", f64::from(height_px), HEIGHTS_PX.map(f64::from))?;
@@ -196,7 +195,7 @@ impl Overlays {
             && !(near.abs() <= Self::FARTHEST_MM && far.abs() <= Self::FARTHEST_MM && near <= far)
         {
             let allowed = format!("two depths within {} mm, the first not the larger", Self::FARTHEST_MM);
-            return Err(RequestError::new("overlays.label_depths_mm", &format!("{near}, {far}"), &allowed));
+            return Err(OutOfRange::new("overlays.label_depths_mm", format!("{near}, {far}"), allowed));
         }
         at_most("overlays.items", "items", self.items.len(), Self::MAX_ITEMS)?;
         let mut sums = Sums::default();
@@ -222,7 +221,7 @@ impl OverlayItem {
         }
     }
 
-    fn validate(&self, path: Path) -> Result<(), RequestError> {
+    fn validate(&self, path: Path) -> Result<(), OutOfRange> {
         match self {
             Self::Landmark(Landmark { at, radius, rgb, label }) => {
                 path.point("at_mm", *at)?;
@@ -263,7 +262,7 @@ impl OverlayItem {
 }
 
 impl Mesh {
-    fn validate(&self, path: Path) -> Result<(), RequestError> {
+    fn validate(&self, path: Path) -> Result<(), OutOfRange> {
         let Self { vertices, triangles, rgb, opacity } = self;
         for (key, count) in [("vertices_mm", vertices.len()), ("triangles", triangles.len())] {
             if count == 0 {
@@ -291,7 +290,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, item: &OverlayItem, path: Path) -> Result<(), RequestError> {
+    fn add(&mut self, item: &OverlayItem, path: Path) -> Result<(), OutOfRange> {
         let over = |key: &str, sum: usize, most: usize| {
             let found = format!("{sum} in all items up to this one");
             if sum <= most { Ok(()) } else { Err(path.refuse(key, &found, &format!("at most {most}"))) }
@@ -332,15 +331,15 @@ impl Path {
         format!("overlays.items[{}].{}.{key}", self.index, self.kind)
     }
 
-    fn refuse(self, key: &str, found: &impl ToString, allowed: &str) -> RequestError {
-        RequestError::new(&self.key(key), found, allowed)
+    fn refuse(self, key: &str, found: impl std::fmt::Display, allowed: &str) -> OutOfRange {
+        OutOfRange::new(self.key(key), found, allowed)
     }
 
-    fn within(self, key: &str, value: f64, range: [f64; 2]) -> Result<(), RequestError> {
+    fn within(self, key: &str, value: f64, range: [f64; 2]) -> Result<(), OutOfRange> {
         if is_within(value, range) { Ok(()) } else { within(&self.key(key), value, range) }
     }
 
-    fn line(self, key: &str, text: &str) -> Result<(), RequestError> {
+    fn line(self, key: &str, text: &str) -> Result<(), OutOfRange> {
         let count = text.chars().count();
         if !(1..=Overlays::MAX_LINE).contains(&count) {
             let allowed = format!("1 to {} characters", Overlays::MAX_LINE);
@@ -356,11 +355,11 @@ impl Path {
         }
     }
 
-    fn rgb(self, rgb: &[f64; 3]) -> Result<(), RequestError> {
+    fn rgb(self, rgb: &[f64; 3]) -> Result<(), OutOfRange> {
         rgb.iter().try_for_each(|&channel| self.within("rgb", channel, [0.0, 1.0]))
     }
 
-    fn point(self, key: &str, point: Point<Patient>) -> Result<(), RequestError> {
+    fn point(self, key: &str, point: Point<Patient>) -> Result<(), OutOfRange> {
         let far = Overlays::FARTHEST_MM;
         match point.xyz.to_array().iter().find(|mm| !(-far..=far).contains(*mm)) {
             Some(mm) => Err(self.refuse(key, mm, &format!("-{far} to {far} mm each"))),
@@ -368,7 +367,7 @@ impl Path {
         }
     }
 
-    fn points(self, key: &str, points: &[Point<Patient>]) -> Result<(), RequestError> {
+    fn points(self, key: &str, points: &[Point<Patient>]) -> Result<(), OutOfRange> {
         points
             .iter()
             .enumerate()
@@ -376,22 +375,22 @@ impl Path {
     }
 }
 
-fn at_index(error: RequestError, index: usize) -> RequestError {
-    RequestError { path: format!("{}[{index}]", error.path), ..error }
+fn at_index(error: OutOfRange, index: usize) -> OutOfRange {
+    OutOfRange { path: format!("{}[{index}]", error.path), ..error }
 }
 
 fn is_within(value: f64, [low, high]: [f64; 2]) -> bool {
     (low..=high).contains(&value)
 }
 
-fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), RequestError> {
+fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), OutOfRange> {
     let inside = is_within(value, [low, high]);
-    inside.then_some(()).ok_or_else(|| RequestError::new(path, &value, &format!("{low} to {high}")))
+    inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value, format!("{low} to {high}")))
 }
 
-fn at_most(path: &str, what: &str, found: usize, most: usize) -> Result<(), RequestError> {
+fn at_most(path: &str, what: &str, found: usize, most: usize) -> Result<(), OutOfRange> {
     if found <= most {
         return Ok(());
     }
-    Err(RequestError::new(path, &format!("{found} {what}"), &format!("at most {most}")))
+    Err(OutOfRange::new(path, format!("{found} {what}"), format!("at most {most}")))
 }

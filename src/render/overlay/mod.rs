@@ -27,8 +27,7 @@ mod primitive;
 mod shape;
 mod text;
 
-use std::sync::{Mutex, PoisonError};
-
+use parking_lot::Mutex;
 use rayon::prelude::*;
 
 use self::layers::{Band, Rank, Scratch};
@@ -37,7 +36,7 @@ use self::primitive::{Primitive, PrimitiveForm};
 use self::shape::pixels;
 use super::frame::RenderedFrame;
 use super::request::RenderRequest;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};
@@ -72,7 +71,7 @@ pub fn draw_overlays(
     frame: &mut RenderedFrame,
     request: &RenderRequest,
     grid: &Grid,
-) -> Result<(), RequestError> {
+) -> Result<(), OutOfRange> {
     request.overlays.validate()?;
     if let Some(drawing) = Drawing::new(request, grid)? {
         drawing.draw(frame);
@@ -85,7 +84,7 @@ impl Drawing {
     ///
     /// # Errors
     /// When drawing would take too long: items too many and too large for the picture.
-    pub(super) fn new(request: &RenderRequest, grid: &Grid) -> Result<Option<Self>, RequestError> {
+    pub(super) fn new(request: &RenderRequest, grid: &Grid) -> Result<Option<Self>, OutOfRange> {
         let overlays = &request.overlays;
         if overlays.is_empty() {
             return Ok(None);
@@ -103,7 +102,7 @@ impl Drawing {
         if work_px > MAX_WORK_PX {
             let found = format!("{work_px:.0} pixels of drawing in a picture of this size");
             let allowed = format!("at most {MAX_WORK_PX}: fewer or smaller items");
-            return Err(RequestError::new("overlays.items", &found, &allowed));
+            return Err(OutOfRange::new("overlays.items", found, allowed));
         }
         Ok(Some(Self { lens, primitives, occluded: overlays.occluded as f32 }))
     }
@@ -119,7 +118,7 @@ impl Drawing {
         let depths = frame.depth_mm.par_chunks_mut(pixels_of_band);
         // Memory of finished bands, for the next ones.
         let spare: Mutex<Vec<Scratch>> = Mutex::default();
-        let spare_now = || spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let spare_now = || spare.lock();
         colors.zip(depths).zip(&bands).enumerate().for_each(|(i, ((color_rgba, depth_mm), members))| {
             let mut scratch = spare_now().pop().unwrap_or_default();
             let first = i as u32 * BAND_ROWS;

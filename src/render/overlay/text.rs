@@ -5,9 +5,10 @@
 //! rim included: displays that shift pixels by their depth keep it in one piece.
 
 use std::collections::HashMap;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock};
 
 use glam::DVec2;
+use parking_lot::Mutex;
 
 use super::font::{CAPITAL, glyph};
 use super::glyph_mask::{Bitmap, GlyphMask, HALF_STROKE};
@@ -119,7 +120,7 @@ impl Typesetter {
     fn bitmap(&mut self, character: char, height_px: u32) -> Arc<Bitmap> {
         let key = (character, height_px);
         let made = self.known.entry(key).or_insert_with(|| {
-            let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut known = KNOWN.lock();
             if known.len() >= MOST_KNOWN && !known.contains_key(&key) {
                 known.clear();
             }

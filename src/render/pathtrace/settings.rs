@@ -1,8 +1,7 @@
 //! The settings of mode `path-traced` and their ranges.
 
 use crate::light::{Light, Placement};
-use crate::request_error::RequestError;
-use relief_base::Vector;
+use relief_base::{OutOfRange, Vector};
 
 /// The settings of a path-traced picture besides the rest of its request.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,11 +76,11 @@ impl PathTrace {
 
     /// Checks ranges, and that a picture of the given number of pixels is within
     /// [`PathTrace::MAX_COLLISIONS`].
-    pub(crate) fn validate(&self, pixels: Option<u64>) -> Result<(), RequestError> {
+    pub(crate) fn validate(&self, pixels: Option<u64>) -> Result<(), OutOfRange> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let path = format!("path_trace.{key}");
             let inside = (low..=high).contains(&value);
-            inside.then_some(()).ok_or_else(|| RequestError::new(&path, &value, &format!("{low} to {high}")))
+            inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value, format!("{low} to {high}")))
         };
         within("passes", f64::from(self.passes), 1.0, f64::from(Self::MAX_PASSES))?;
         within("seed", f64::from(self.seed), 0.0, f64::from(Self::MAX_SEED))?;
@@ -99,7 +98,7 @@ impl PathTrace {
                 1 => format!("at most {most} for a picture of this size"),
                 count => format!("at most {most} for a picture of this size with {count} scatterings"),
             };
-            return Err(RequestError::new("path_trace.passes", &self.passes, &allowed));
+            return Err(OutOfRange::new("path_trace.passes", self.passes, allowed));
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use super::denoise::Guide;
 use crate::error::RenderError;
 use crate::gpu::{ErrorScope, Gpu, Readback};
 use crate::request::RenderRequest;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::ContentHash;
 
 /// Bytes of a pixel in the buffers of guides and sums.
@@ -99,7 +99,7 @@ fn check_size(
     }
     let [width, height] = request.size_px;
     let allowed = format!("at most {most} pixels {when} on this adapter");
-    Err(RequestError::new("size_px", &format!("{width} x {height}"), &allowed).into())
+    Err(OutOfRange::new("size_px", format!("{width} x {height}"), allowed).into())
 }
 
 /// The request without the number of passes and the denoiser.

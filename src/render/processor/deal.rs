@@ -3,8 +3,9 @@
 //! A thread takes the next rows when it has cast its last ones, so threads wait for each other only
 //! at the end of a picture. The caller casts as well, and asks between its rows whether to continue.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 use super::super::error::RenderError;
 use super::super::watch::Watch;
@@ -20,7 +21,7 @@ pub(super) fn deal<T: Send>(
     let count = pieces.len();
     let helpers = rayon::current_num_threads().min(count).saturating_sub(1);
     let queue = Mutex::new(pieces.into_iter());
-    let take = || lock(&queue).next();
+    let take = || queue.lock().next();
     rayon::in_place_scope(|scope| {
         for _ in 0..helpers {
             scope.spawn(|_| std::iter::from_fn(take).for_each(&cast));
@@ -31,19 +32,15 @@ pub(super) fn deal<T: Send>(
             if asked.elapsed() < pace {
                 continue;
             }
-            let left = lock(&queue).len();
+            let left = queue.lock().len();
             if let Err(cancelled) = watch.band_done(left > 0) {
-                let left = std::mem::take(&mut *lock(&queue)).len();
+                let left = std::mem::take(&mut *queue.lock()).len();
                 return (count - left, Err(cancelled));
             }
             asked = Instant::now();
         }
         (count, Ok(()))
     })
-}
-
-fn lock<T>(queue: &Mutex<T>) -> MutexGuard<'_, T> {
-    queue.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -61,11 +58,11 @@ mod tests {
             };
             let (done, outcome) = deal(
                 (0..100).collect(),
-                |piece: usize| lock(&cast).push(piece),
+                |piece: usize| cast.lock().push(piece),
                 Duration::ZERO,
                 &mut Watch::new(&mut goes_on),
             );
-            let mut cast = cast.into_inner().unwrap();
+            let mut cast = cast.into_inner();
             cast.sort_unstable();
             assert_eq!(cast, (0..done).collect::<Vec<_>>());
             assert!(outcome.is_err() || done == 100, "{done}");

@@ -1,8 +1,7 @@
 //! Errors of a scene: each has the key's path in the JSON, the value and the permitted values.
 
-use crate::request_error::RequestError;
-use relief_display::SettingsError;
-use relief_volume::{CameraError, GradientOpacity, OrbitError, TransferError, TransferFunction};
+use relief_base::OutOfRange;
+use relief_volume::{CameraError, GradientOpacity, TransferError, TransferFunction};
 
 /// Why a scene was refused.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +16,7 @@ pub enum SceneError {
     },
     /// A value out of range.
     #[error(transparent)]
-    Range(#[from] RequestError),
+    Range(#[from] OutOfRange),
 }
 
 /// Why the JSON of a scene is invalid.
@@ -31,77 +30,69 @@ pub enum SyntaxError {
     Array,
 }
 
-impl From<SettingsError> for SceneError {
-    fn from(SettingsError { path, value, allowed }: SettingsError) -> Self {
-        RequestError { path: path.to_owned(), found: value, allowed }.into()
-    }
-}
-
-impl From<OrbitError> for SceneError {
-    fn from(OrbitError { what, found, allowed }: OrbitError) -> Self {
-        RequestError { path: what.to_owned(), found: found.to_string(), allowed }.into()
-    }
-}
-
-impl From<CameraError> for RequestError {
+impl From<CameraError> for SceneError {
     fn from(error: CameraError) -> Self {
-        let coordinates = "-1000000 to 1000000 mm";
-        match &error {
-            CameraError::Coordinate { what: "up", found } => Self::new("camera.up", found, coordinates),
-            CameraError::Coordinate { what, found } => {
-                Self::new(&format!("camera.{what}_mm"), found, coordinates)
-            }
-            CameraError::NoDirection(mm) => {
-                Self::new("camera.look_at_mm", &format!("{mm} mm from eye_mm"), "at least 0.001 mm")
-            }
-            CameraError::NoUp(up) => {
-                Self::new("camera.up", &format!("{up:?}"), "any direction across the viewing direction")
-            }
-            CameraError::FieldOfView(degrees) => {
-                Self::new("camera.projection.perspective.vertical_fov_deg", degrees, "0.1 to 170")
-            }
-            CameraError::Parallel => {
-                Self::new("camera.projection", &"orthographic", "a perspective, which has an eye")
-            }
-            CameraError::Height(mm) => {
-                Self::new("camera.projection.orthographic.height_mm", mm, "0.001 to 1000000")
-            }
-            CameraError::LensShift(shift) => {
-                let allowed = "-10 to 10 each way in a perspective, 0 in a parallel projection";
-                Self::new("camera.lens_shift", &format!("{shift:?}"), allowed)
-            }
+        camera_out_of_range(error).into()
+    }
+}
+
+/// The key of a camera that is invalid.
+pub(crate) fn camera_out_of_range(error: CameraError) -> OutOfRange {
+    let coordinates = "-1000000 to 1000000 mm";
+    match error {
+        CameraError::Coordinate { what: "up", found } => OutOfRange::new("camera.up", found, coordinates),
+        CameraError::Coordinate { what, found } => {
+            OutOfRange::new(format!("camera.{what}_mm"), found, coordinates)
+        }
+        CameraError::NoDirection(mm) => {
+            OutOfRange::new("camera.look_at_mm", format!("{mm} mm from eye_mm"), "at least 0.001 mm")
+        }
+        CameraError::NoUp(up) => {
+            OutOfRange::new("camera.up", format!("{up:?}"), "any direction across the viewing direction")
+        }
+        CameraError::FieldOfView(degrees) => {
+            OutOfRange::new("camera.projection.perspective.vertical_fov_deg", degrees, "0.1 to 170")
+        }
+        CameraError::Parallel => {
+            OutOfRange::new("camera.projection", "orthographic", "a perspective, which has an eye")
+        }
+        CameraError::Height(mm) => {
+            OutOfRange::new("camera.projection.orthographic.height_mm", mm, "0.001 to 1000000")
+        }
+        CameraError::LensShift(shift) => {
+            let allowed = "-10 to 10 each way in a perspective, 0 in a parallel projection";
+            OutOfRange::new("camera.lens_shift", format!("{shift:?}"), allowed)
         }
     }
 }
 
-impl From<TransferError> for RequestError {
-    fn from(error: TransferError) -> Self {
-        match &error {
-            TransferError::Count(count) => {
-                let allowed = format!("1 to {} points", TransferFunction::MAX_POINTS);
-                Self::new("transfer.points", &format!("{count} points"), &allowed)
-            }
-            TransferError::Order { index, found, previous } => {
-                let allowed = format!("more than {previous}, that of the point before");
-                Self::new(&format!("transfer.points[{index}].hu"), found, &allowed)
-            }
-            TransferError::Value { index, what: "HU", found, allowed } => {
-                Self::new(&format!("transfer.points[{index}].hu"), found, allowed)
-            }
-            TransferError::Value { index, found, allowed, .. } => {
-                Self::new(&format!("transfer.points[{index}].rgba"), found, allowed)
-            }
-            TransferError::GradientCount(count) => {
-                let allowed = format!("1 to {} points", GradientOpacity::MAX_POINTS);
-                Self::new("transfer.gradient_opacity.points", &format!("{count} points"), &allowed)
-            }
-            TransferError::Gradient { index, what, found, allowed } => {
-                Self::new(&format!("transfer.gradient_opacity.points[{index}].{what}"), found, allowed)
-            }
-            TransferError::Unit(mm) => Self::new("transfer.opacity_unit_mm", mm, "0.001 to 1000"),
-            TransferError::Window { what, found, allowed } => {
-                Self::new(&format!("transfer.window.{what}"), found, allowed)
-            }
+/// The key of a transfer function that is invalid.
+pub(super) fn transfer_out_of_range(error: TransferError) -> OutOfRange {
+    match error {
+        TransferError::Count(count) => {
+            let allowed = format!("1 to {} points", TransferFunction::MAX_POINTS);
+            OutOfRange::new("transfer.points", format!("{count} points"), allowed)
+        }
+        TransferError::Order { index, found, previous } => {
+            let allowed = format!("more than {previous}, that of the point before");
+            OutOfRange::new(format!("transfer.points[{index}].hu"), found, allowed)
+        }
+        TransferError::Value { index, what: "HU", found, allowed } => {
+            OutOfRange::new(format!("transfer.points[{index}].hu"), found, allowed)
+        }
+        TransferError::Value { index, found, allowed, .. } => {
+            OutOfRange::new(format!("transfer.points[{index}].rgba"), found, allowed)
+        }
+        TransferError::GradientCount(count) => {
+            let allowed = format!("1 to {} points", GradientOpacity::MAX_POINTS);
+            OutOfRange::new("transfer.gradient_opacity.points", format!("{count} points"), allowed)
+        }
+        TransferError::Gradient { index, what, found, allowed } => {
+            OutOfRange::new(format!("transfer.gradient_opacity.points[{index}].{what}"), found, allowed)
+        }
+        TransferError::Unit(mm) => OutOfRange::new("transfer.opacity_unit_mm", mm, "0.001 to 1000"),
+        TransferError::Window { what, found, allowed } => {
+            OutOfRange::new(format!("transfer.window.{what}"), found, allowed)
         }
     }
 }

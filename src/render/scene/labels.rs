@@ -12,7 +12,7 @@ use super::transfer::{TransferFile, Windows, resolve_transfer};
 use crate::classification::Classification;
 use crate::labels::{Edges, Labels, Look};
 use crate::mode::Mode;
-use crate::request_error::RequestError;
+use relief_base::OutOfRange;
 use relief_volume::{LabelMap, TransferFunction};
 
 /// How strongly segments are tinted where nothing is written.
@@ -133,7 +133,7 @@ impl<'de> Deserialize<'de> for LabelFile {
 impl LabelFile {
     /// Its place among the looks; `None` for a label that the map does not have: that is no
     /// mistake, as one scene may be for many maps, and not everybody has a gallbladder.
-    fn place(&self, map: &LabelMap, path: &str) -> Result<Option<usize>, RequestError> {
+    fn place(&self, map: &LabelMap, path: &str) -> Result<Option<usize>, OutOfRange> {
         let segments = map.segments();
         match self {
             Self::Label(0) => Ok(Some(0)),
@@ -148,9 +148,9 @@ impl LabelFile {
                     (Some((place, _)), None) => Ok(Some(place)),
                     (Some(_), Some(_)) => {
                         let allowed = "a name of one segment alone; these have labels";
-                        Err(RequestError::new(path, &format!("{shown:?}"), allowed))
+                        Err(OutOfRange::new(path, format!("{shown:?}"), allowed))
                     }
-                    (None, _) => Err(RequestError::new(path, &format!("{shown:?}"), &names(map))),
+                    (None, _) => Err(OutOfRange::new(path, format!("{shown:?}"), names(map))),
                 }
             }
         }
@@ -192,7 +192,7 @@ pub(super) fn resolve_labels(
     };
     let Some(map) = map else {
         let allowed = "nothing beside a volume without a label map";
-        return path.map_or(Ok(None), |path| Err(RequestError::new(path, &"there", allowed).into()));
+        return path.map_or(Ok(None), |path| Err(OutOfRange::new(path, "there", allowed).into()));
     };
     let can = Labels::are_shown_by(mode)
         && classification == Classification::Sampled
@@ -242,7 +242,7 @@ impl Looks<'_> {
             let Some(place) = place else { continue };
             if let Some(before) = written.insert(place, i) {
                 let allowed = format!("each segment once; labels.segments[{before}] is the same");
-                return Err(RequestError::new(&format!("{path}.label"), &"there again", &allowed).into());
+                return Err(OutOfRange::new(format!("{path}.label"), "there again", allowed).into());
             }
             self.looks[place] = look;
         }
@@ -276,15 +276,13 @@ impl Looks<'_> {
         let Some(file) = file else { return Ok(0) };
         let (transfer, _) =
             resolve_transfer(Some(file), self.windows, None).map_err(|error| match error {
-                SceneError::Range(error) => {
-                    SceneError::Range(RequestError { path: format!("{path}.{}", error.path), ..error })
-                }
+                SceneError::Range(error) => SceneError::Range(error.within(&path)),
                 syntax @ SceneError::Syntax { .. } => syntax,
             })?;
         if transfer.gradient_opacity().is_some() {
             let allowed = "nothing in the transfer function of a segment";
             let path = format!("{path}.transfer.gradient_opacity");
-            return Err(RequestError::new(&path, &"there", allowed).into());
+            return Err(OutOfRange::new(path, "there", allowed).into());
         }
         if let Some(known) = self.transfers.iter().position(|known| *known == transfer) {
             return Ok(known + 1);
@@ -300,7 +298,7 @@ impl Looks<'_> {
         };
         match (&file.cut, &file.keep) {
             (Some(_), Some(_)) => {
-                return Err(RequestError::new("clip.labels", &"cut and keep", "one of cut and keep").into());
+                return Err(OutOfRange::new("clip.labels", "cut and keep", "one of cut and keep").into());
             }
             (Some(cut), None) => {
                 for place in places(self.map, "cut", cut)?.into_iter().flatten() {
@@ -334,8 +332,8 @@ pub(super) fn label_objects(scene: &serde_json::Value) -> impl Iterator<Item = S
     whole.into_iter().chain(inner).chain(points).collect::<Vec<_>>().into_iter()
 }
 
-fn share(path: &str, value: f64) -> Result<f64, RequestError> {
-    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(RequestError::new(path, &value, "0 to 1")) }
+fn share(path: &str, value: f64) -> Result<f64, OutOfRange> {
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(OutOfRange::new(path, value, "0 to 1")) }
 }
 
 #[cfg(test)]

@@ -9,8 +9,7 @@ use crate::light::{Light, Placement};
 use crate::lighting::Lighting;
 use crate::mode::Mode;
 use crate::pathtrace::PathTrace;
-use crate::request_error::RequestError;
-use relief_base::{Point, Vector};
+use relief_base::{OutOfRange, Point, Vector};
 
 /// A set's name, or each light.
 #[derive(Clone, Debug)]
@@ -87,11 +86,11 @@ pub(super) struct PathTraceFile {
 }
 
 /// The lights of a request; where none are written, those that are usual for its mode.
-pub(super) fn resolve_lights(file: Option<LightsFile>, mode: Mode) -> Result<Vec<Light>, RequestError> {
+pub(super) fn resolve_lights(file: Option<LightsFile>, mode: Mode) -> Result<Vec<Light>, OutOfRange> {
     match file {
         Some(LightsFile::Named(name)) => {
             let shown: String = name.chars().take(40).collect();
-            let unknown = || RequestError::new("lights", &shown, &Lighting::names());
+            let unknown = || OutOfRange::new("lights", shown, Lighting::names());
             Ok(Lighting::named(&name).ok_or_else(unknown)?.lights(mode))
         }
         Some(LightsFile::Placed(lights)) => {
@@ -103,7 +102,7 @@ pub(super) fn resolve_lights(file: Option<LightsFile>, mode: Mode) -> Result<Vec
 }
 
 impl LightFile {
-    fn resolve(self, index: usize) -> Result<Light, RequestError> {
+    fn resolve(self, index: usize) -> Result<Light, OutOfRange> {
         let placement = match (self.direction, self.position_mm, self.space) {
             (Some(d), None, SpaceFile::View) => Placement::ViewDirection(Vector::from_xyz(d.into())),
             (Some(d), None, SpaceFile::Patient) => Placement::PatientDirection(Vector::from_xyz(d.into())),
@@ -111,7 +110,7 @@ impl LightFile {
             (None, Some(p), SpaceFile::Patient) => Placement::PatientPosition(Point::from_xyz(p.into())),
             _ => {
                 let allowed = "either a direction (towards the light) or a position_mm";
-                return Err(RequestError::new(&format!("lights[{index}]"), &"neither or both", allowed));
+                return Err(OutOfRange::new(format!("lights[{index}]"), "neither or both", allowed));
             }
         };
         Ok(Light {

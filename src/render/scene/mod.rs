@@ -38,11 +38,12 @@ use super::mode::{Mode, SlabBlend};
 use super::quality::Quality;
 use super::request::{DepthRule, RenderRequest};
 use super::table_rule::TableRule;
-use crate::request_error::RequestError;
 use relief_annotation::ShownSets;
+use relief_base::OutOfRange;
 use relief_display::DisplaySettings;
 use relief_volume::{Anatomy, CameraFile, Framing, Grid, Orbit};
 
+pub(crate) use error::camera_out_of_range;
 pub use error::{SceneError, SyntaxError};
 pub use slice::{SliceFile, SlicePlane};
 pub use subject::{Subject, SubjectContent};
@@ -77,7 +78,7 @@ impl Scene {
             return Ok(());
         }
         let allowed = "false where no log of annotations is at hand: relief render and relief serve take one";
-        Err(RequestError::new("annotations", &"to be drawn", allowed).into())
+        Err(OutOfRange::new("annotations", "to be drawn", allowed).into())
     }
 
     /// Checks that the picture has the size that its layout needs: of those who write a frame in
@@ -89,16 +90,14 @@ impl Scene {
         let found = self.request.size_px;
         if let Err(error) = self.display.layout.check_size(found) {
             let allowed = format!("a size of which layout {} can be made ({error})", self.display.layout);
-            return Err(
-                RequestError::new("size_px", &format!("{} x {}", found[0], found[1]), &allowed).into()
-            );
+            return Err(OutOfRange::new("size_px", format!("{} x {}", found[0], found[1]), allowed).into());
         }
         match self.display.encoder()?.render_size_px() {
             Some([width, height]) if found != [width, height] => {
                 let layout = self.display.layout;
                 let allowed =
                     format!("{width} x {height}, which layout {layout} needs (rgbd and color take any)");
-                Err(RequestError::new("size_px", &format!("{} x {}", found[0], found[1]), &allowed).into())
+                Err(OutOfRange::new("size_px", format!("{} x {}", found[0], found[1]), allowed).into())
             }
             _ => Ok(()),
         }
@@ -202,7 +201,7 @@ impl SceneFile {
     ///
     /// # Errors
     /// When no preset has this name.
-    pub fn with_overlay(mut self, name: &str) -> Result<Self, RequestError> {
+    pub fn with_overlay(mut self, name: &str) -> Result<Self, OutOfRange> {
         self.overlays.switch_on(name)?;
         Ok(self)
     }
@@ -372,15 +371,15 @@ impl SceneFile {
         let has_own_view = slice.is_some() || self.camera.is_some();
         if let Some(frame) = self.frame.filter(|_| has_own_view) {
             let allowed = "left out where the scene has a camera or is a slice";
-            return Err(RequestError::new("frame", &format_args!("{:?}", frame.name()), allowed).into());
+            return Err(OutOfRange::new("frame", format_args!("{:?}", frame.name()), allowed).into());
         }
         let frame = self.frame.unwrap_or_default();
         let camera = match (slice, self.camera) {
             (Some(slice), _) => slice.camera(grid, size_px)?,
-            (None, Some(camera)) => camera.resolve().map_err(RequestError::from)?,
+            (None, Some(camera)) => camera.resolve().map_err(camera_out_of_range)?,
             (None, None) => {
                 orbit.validate()?;
-                around(&Framing::of_grid(grid)).map_err(RequestError::from)?
+                around(&Framing::of_grid(grid)).map_err(camera_out_of_range)?
             }
         };
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
@@ -421,7 +420,7 @@ impl SceneFile {
         };
         request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
         if let Some(framing) = (!has_own_view).then(|| subject.framing(frame, &request)).flatten() {
-            request.camera = around(&framing).map_err(RequestError::from)?;
+            request.camera = around(&framing).map_err(camera_out_of_range)?;
         }
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;
@@ -436,29 +435,29 @@ fn has_look(mode: Option<Mode>) -> bool {
 }
 
 /// Rejects a budget outside the permitted range.
-fn expect_budget(budget_ms: Option<f64>) -> Result<(), RequestError> {
+fn expect_budget(budget_ms: Option<f64>) -> Result<(), OutOfRange> {
     let range = RenderRequest::BUDGET_MS;
     match budget_ms.filter(|ms| !range.contains(ms)) {
         Some(ms) => {
             let allowed = format!("{} to {} ms", range.start(), range.end());
-            Err(RequestError::new("budget_ms", &ms, &allowed))
+            Err(OutOfRange::new("budget_ms", ms, allowed))
         }
         None => Ok(()),
     }
 }
 
 /// Refuses a layout with a background where the request gives none.
-fn expect_background(request: &RenderRequest, display: &DisplaySettings) -> Result<(), RequestError> {
+fn expect_background(request: &RenderRequest, display: &DisplaySettings) -> Result<(), OutOfRange> {
     let layout = display.layout;
     if !layout.needs_background() || request.has_back_layer() {
         return Ok(());
     }
     if request.depth.has_back_layer() {
         let allowed = format!("composite, which layout {layout} needs");
-        return Err(RequestError::new("mode", &format!("{:?}", request.mode).to_lowercase(), &allowed));
+        return Err(OutOfRange::new("mode", format!("{:?}", request.mode).to_lowercase(), allowed));
     }
     let allowed = format!("two-layer, which layout {layout} needs");
-    Err(RequestError::new("depth.rule", &request.depth.name(), &allowed))
+    Err(OutOfRange::new("depth.rule", request.depth.name(), allowed))
 }
 
 #[cfg(test)]

@@ -5,8 +5,7 @@ use serde::Deserialize;
 
 use super::whole::Whole;
 use crate::overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
-use crate::request_error::RequestError;
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 
 /// Radius of a landmark and width of lines where none is written, px.
 const USUAL_RADIUS_PX: f64 = 6.0;
@@ -98,25 +97,21 @@ impl OverlaysFile {
     ///
     /// # Errors
     /// When there is no overlay of this name.
-    pub(super) fn switch_on(&mut self, name: &str) -> Result<(), RequestError> {
+    pub(super) fn switch_on(&mut self, name: &str) -> Result<(), OutOfRange> {
         match name {
             "bounding-box" => self.bounding_box = true,
             "cube" => self.orientation_cube = true,
             "scale-bar" => self.scale_bar = true,
-            _ => return Err(RequestError::new("overlay", &name, &Overlays::switch_names())),
+            _ => return Err(OutOfRange::new("overlay", name, Overlays::switch_names())),
         }
         Ok(())
     }
 
-    pub(super) fn resolve(self) -> Result<Overlays, RequestError> {
+    pub(super) fn resolve(self) -> Result<Overlays, OutOfRange> {
         // Before a list of another kind is made of it.
         if self.items.len() > Overlays::MAX_ITEMS {
             let found = format!("{} items", self.items.len());
-            return Err(RequestError::new(
-                "overlays.items",
-                &found,
-                &format!("at most {}", Overlays::MAX_ITEMS),
-            ));
+            return Err(OutOfRange::new("overlays.items", found, format!("at most {}", Overlays::MAX_ITEMS)));
         }
         let items = self.items.into_iter().enumerate().map(|(index, item)| item.resolve(index));
         Ok(Overlays {
@@ -132,7 +127,7 @@ impl OverlaysFile {
 }
 
 impl ItemFile {
-    fn resolve(self, index: usize) -> Result<OverlayItem, RequestError> {
+    fn resolve(self, index: usize) -> Result<OverlayItem, OutOfRange> {
         Ok(match self {
             Self::Landmark(landmark) => OverlayItem::Landmark(landmark.resolve(index)?),
             Self::Line(LineFile { from_mm, to_mm, width_px, rgb }) => OverlayItem::Line(Line {
@@ -164,7 +159,7 @@ impl ItemFile {
 }
 
 impl LandmarkFile {
-    fn resolve(self, index: usize) -> Result<Landmark, RequestError> {
+    fn resolve(self, index: usize) -> Result<Landmark, OutOfRange> {
         let Self { at_mm, radius_mm, radius_px, rgb, label } = self;
         let radius = match (radius_mm, radius_px) {
             (None, None) => Radius::Px(USUAL_RADIUS_PX),
@@ -172,7 +167,7 @@ impl LandmarkFile {
             (None, Some(px)) => Radius::Px(px),
             (Some(_), Some(px)) => {
                 let path = format!("overlays.items[{index}].landmark.radius_px");
-                return Err(RequestError::new(&path, &px, "nothing beside radius_mm"));
+                return Err(OutOfRange::new(path, px, "nothing beside radius_mm"));
             }
         };
         let label = label.map(Into::into);

@@ -7,8 +7,7 @@ use super::overlays::OverlaysFile;
 use super::{SceneError, SyntaxError};
 use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
-use crate::request_error::RequestError;
-use relief_base::{Point, Vector};
+use relief_base::{OutOfRange, Point, Vector};
 use relief_display::{DisplaySettings, ScreenPlane};
 use relief_volume::{Preset, PresetMode};
 
@@ -29,10 +28,10 @@ fn depth_rule<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DepthRule, D
 }
 
 /// Refuses the cursor as the plane of the screen: only live views have one, and put it in before.
-pub(super) fn expect_no_cursor(display: &DisplaySettings) -> Result<(), RequestError> {
+pub(super) fn expect_no_cursor(display: &DisplaySettings) -> Result<(), OutOfRange> {
     if display.screen_plane == Some(ScreenPlane::Cursor) {
         let allowed = "a point [x, y, z] in mm or null; live views have a cursor";
-        return Err(RequestError::new("display.screen_plane", &"\"cursor\"", allowed));
+        return Err(OutOfRange::new("display.screen_plane", "\"cursor\"", allowed));
     }
     Ok(())
 }
@@ -139,23 +138,23 @@ impl DepthFile {
         Self { rule, fraction: None }
     }
 
-    pub(super) fn resolve(self) -> Result<DepthRule, RequestError> {
+    pub(super) fn resolve(self) -> Result<DepthRule, OutOfRange> {
         let Some(fraction) = self.fraction else { return Ok(self.rule) };
         self.rule.with_fraction(fraction).ok_or_else(|| {
             let allowed = format!("nothing beside rule {}", self.rule.name());
-            RequestError::new("depth.fraction", &fraction, &allowed)
+            OutOfRange::new("depth.fraction", fraction, allowed)
         })
     }
 }
 
 impl ClipFile {
-    pub(super) fn resolve(self) -> Result<Clip, RequestError> {
+    pub(super) fn resolve(self) -> Result<Clip, OutOfRange> {
         let mut clip = Clip::default();
         if let Some([min, max]) = self.box_mm {
             if !min.iter().zip(&max).all(|(low, high)| low < high && -1e6 <= *low && *high <= 1e6) {
-                return Err(RequestError::new(
+                return Err(OutOfRange::new(
                     "clip.box_mm",
-                    &format!("{min:?} to {max:?}"),
+                    format!("{min:?} to {max:?}"),
                     "[min, max] with min < max, within 1000000 mm",
                 ));
             }
@@ -173,12 +172,12 @@ impl ClipFile {
 }
 
 impl PlaneFile {
-    fn resolve(self, index: usize) -> Result<ClipPlane, RequestError> {
+    fn resolve(self, index: usize) -> Result<ClipPlane, OutOfRange> {
         let Self { point_mm, normal } = self;
         let path = |key: &str| format!("clip.planes[{index}].{key}");
         if point_mm.iter().any(|mm| !(-1e6..=1e6).contains(mm)) {
             let allowed = "-1000000 to 1000000 mm each";
-            return Err(RequestError::new(&path("point_mm"), &format!("{point_mm:?}"), allowed));
+            return Err(OutOfRange::new(path("point_mm"), format!("{point_mm:?}"), allowed));
         }
         let plane =
             ClipPlane { point: Point::from_xyz(point_mm.into()), normal: Vector::from_xyz(normal.into()) };
@@ -186,7 +185,7 @@ impl PlaneFile {
             Some(_) => Ok(plane),
             None => {
                 let allowed = "a direction of finite length above zero";
-                Err(RequestError::new(&path("normal"), &format!("{normal:?}"), allowed))
+                Err(OutOfRange::new(path("normal"), format!("{normal:?}"), allowed))
             }
         }
     }

@@ -8,8 +8,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer};
 
 use crate::mode::SlabBlend;
-use crate::request_error::RequestError;
-use relief_base::{Patient, Point, Vector};
+use relief_base::{OutOfRange, Patient, Point, Vector};
 use relief_volume::{Camera, CameraError, Grid, NamedPlane, Orbit, PlaneView};
 
 /// A slice through the volume: where, how thick and how large.
@@ -100,7 +99,7 @@ impl SliceFile {
     const FARTHEST_MM: f64 = 1e5;
 
     /// The camera that sees the slice in a picture of this size.
-    pub(super) fn camera(&self, grid: &Grid, size_px: [u32; 2]) -> Result<Camera, RequestError> {
+    pub(super) fn camera(&self, grid: &Grid, size_px: [u32; 2]) -> Result<Camera, OutOfRange> {
         let (view, offset_axis) = self.plane.resolve()?;
         let center = self.center(grid)? + offset_axis * self.offset_mm;
         let corners = grid.corners();
@@ -112,37 +111,37 @@ impl SliceFile {
             .map_err(|error| self.blame(&error))
     }
 
-    fn center(&self, grid: &Grid) -> Result<Point<Patient>, RequestError> {
+    fn center(&self, grid: &Grid) -> Result<Point<Patient>, OutOfRange> {
         let far = Self::FARTHEST_MM;
         let within = |mm: f64| (-far..=far).contains(&mm);
         if !within(self.offset_mm) {
-            return Err(RequestError::new("slice.offset_mm", &self.offset_mm, &format!("{} to {far}", -far)));
+            return Err(OutOfRange::new("slice.offset_mm", self.offset_mm, format!("{} to {far}", -far)));
         }
         match self.center_mm {
             None => Ok(grid.center()),
             Some(center) if center.into_iter().all(within) => Ok(Point::from_xyz(center.into())),
             Some(center) => {
                 let allowed = format!("{} to {far} mm each", -far);
-                Err(RequestError::new("slice.center_mm", &format!("{center:?}"), &allowed))
+                Err(OutOfRange::new("slice.center_mm", format!("{center:?}"), allowed))
             }
         }
     }
 
     /// Converts a camera's error to one of the slice.
-    fn blame(&self, error: &CameraError) -> RequestError {
+    fn blame(&self, error: &CameraError) -> OutOfRange {
         match error {
             CameraError::NoUp(up) => {
-                RequestError::new("slice.plane.up", &format!("{up:?}"), "any direction across the normal")
+                OutOfRange::new("slice.plane.up", format!("{up:?}"), "any direction across the normal")
             }
-            CameraError::Height(mm) => RequestError::new("slice.height_mm", mm, "0.001 to 1000000"),
-            other => RequestError::new("slice", other, "a plane within 1000000 mm of the patient origin"),
+            CameraError::Height(mm) => OutOfRange::new("slice.height_mm", mm, "0.001 to 1000000"),
+            other => OutOfRange::new("slice", other, "a plane within 1000000 mm of the patient origin"),
         }
     }
 }
 
 impl SlicePlane {
     /// How it is looked at, and the unit vector along which offsets count.
-    fn resolve(self) -> Result<(PlaneView, Vector<Patient>), RequestError> {
+    fn resolve(self) -> Result<(PlaneView, Vector<Patient>), OutOfRange> {
         match self {
             Self::Named(plane) => Ok((plane.view(), plane.offset_axis())),
             Self::Oblique { normal, up } => {
@@ -151,7 +150,7 @@ impl SlicePlane {
                     let usable = xyz.iter().all(|part| part.abs() <= 1e6);
                     vector.normalized().filter(|_| usable).ok_or_else(|| {
                         let allowed = "a direction of length above zero, parts within 1000000";
-                        RequestError::new(&format!("slice.plane.{key}"), &format!("{xyz:?}"), allowed)
+                        OutOfRange::new(format!("slice.plane.{key}"), format!("{xyz:?}"), allowed)
                     })
                 };
                 let (towards_eye, up) = (direction("normal", normal)?, direction("up", up)?);
@@ -170,8 +169,8 @@ pub(super) fn expect_one_view(
     slice: Option<SliceFile>,
     has_camera: bool,
     orbit: &Orbit,
-) -> Result<Option<SliceFile>, RequestError> {
-    let refuse = |path: &str, found: &str, allowed: &str| Err(RequestError::new(path, &found, allowed));
+) -> Result<Option<SliceFile>, OutOfRange> {
+    let refuse = |path: &str, found: &str, allowed: &str| Err(OutOfRange::new(path, found, allowed));
     match (is_slice, slice) {
         (false, None) => Ok(None),
         (false, Some(_)) => refuse("slice", "there", "in mode slice only"),

@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use crate::mode::Mode;
-use crate::request_error::RequestError;
 use crate::surface::{Surface, usual_hu};
+use relief_base::OutOfRange;
 use relief_volume::TransferFunction;
 
 #[derive(Clone, Debug, Deserialize)]
@@ -26,12 +26,12 @@ pub(super) fn resolve_surfaces(
     iso_hu: Option<f64>,
     surfaces: Option<Vec<SurfaceFile>>,
     transfer: &TransferFunction,
-) -> Result<Vec<Surface>, RequestError> {
+) -> Result<Vec<Surface>, OutOfRange> {
     match (mode, iso_hu, surfaces) {
         (Mode::Isosurface, Some(hu), None) => {
             if hu.abs() > Surface::MOST_HU {
                 let allowed = format!("-{most} to {most}", most = Surface::MOST_HU);
-                return Err(RequestError::new("iso_hu", &hu, &allowed));
+                return Err(OutOfRange::new("iso_hu", hu, allowed));
             }
             Ok(vec![Surface::opaque(hu, transfer)])
         }
@@ -43,12 +43,12 @@ pub(super) fn resolve_surfaces(
             Ok(vec![Surface::opaque(hu, transfer)])
         }
         (Mode::Isosurface, Some(hu), Some(_)) => {
-            Err(RequestError::new("iso_hu", &hu, "either iso_hu or surfaces"))
+            Err(OutOfRange::new("iso_hu", hu, "either iso_hu or surfaces"))
         }
-        (_, Some(hu), _) => Err(RequestError::new("iso_hu", &hu, "only with mode isosurface")),
+        (_, Some(hu), _) => Err(OutOfRange::new("iso_hu", hu, "only with mode isosurface")),
         (_, None, Some(files)) => {
             let found = format!("{} surfaces", files.len());
-            Err(RequestError::new("surfaces", &found, "only with mode isosurface"))
+            Err(OutOfRange::new("surfaces", found, "only with mode isosurface"))
         }
         (_, None, None) => Ok(Vec::new()),
     }

@@ -5,7 +5,8 @@ use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::SceneError;
-use crate::request_error::RequestError;
+use super::error::transfer_out_of_range;
+use relief_base::OutOfRange;
 use relief_volume::{
     Anatomy, ControlPoint, GradientOpacity, PRESETS, Preset, TransferFunction, Window, WindowMap, preset,
 };
@@ -119,13 +120,13 @@ impl Windows {
     fn transfer(
         self,
         &WindowFile { center_hu, width_hu, map, invert }: &WindowFile,
-    ) -> Result<TransferFunction, RequestError> {
+    ) -> Result<TransferFunction, OutOfRange> {
         let window = Window { center_hu, width_hu, map: map.resolve(), is_inverted: invert };
         let made = match self {
             Self::Translucent => window.translucent(),
             Self::Opaque => window.opaque(),
         };
-        made.map_err(RequestError::from)
+        made.map_err(transfer_out_of_range)
     }
 
     /// The transfer function that suits the anatomy; without one the first preset, or a window for
@@ -151,7 +152,7 @@ pub(super) fn resolve_transfer(
 ) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
     match file.unwrap_or_else(|| windows.default_transfer(anatomy)) {
         TransferFile::Preset(name) => {
-            let found = preset(&name).ok_or_else(|| RequestError::new("transfer", &name, &preset_names()))?;
+            let found = preset(&name).ok_or_else(|| OutOfRange::new("transfer", name, preset_names()))?;
             Ok((found.transfer(), Some(found)))
         }
         TransferFile::Function(FunctionFile {
@@ -162,7 +163,7 @@ pub(super) fn resolve_transfer(
         }) => {
             let points = points.into_iter().map(|PointFile { hu, rgba }| ControlPoint { hu, rgba }).collect();
             let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(1.0));
-            let transfer = transfer.map_err(RequestError::from)?;
+            let transfer = transfer.map_err(transfer_out_of_range)?;
             Ok((with_gradient_opacity(transfer, gradient_opacity)?, None))
         }
         TransferFile::Function(FunctionFile {
@@ -173,7 +174,7 @@ pub(super) fn resolve_transfer(
         }) => Ok((windows.transfer(&window)?, None)),
         TransferFile::Function(_) => {
             let allowed = "either points (and opacity_unit_mm, gradient_opacity) or a window";
-            Err(RequestError::new("transfer", &"neither or both", allowed).into())
+            Err(OutOfRange::new("transfer", "neither or both", allowed).into())
         }
     }
 }
@@ -181,10 +182,10 @@ pub(super) fn resolve_transfer(
 fn with_gradient_opacity(
     transfer: TransferFunction,
     file: Option<GradientFile>,
-) -> Result<TransferFunction, RequestError> {
+) -> Result<TransferFunction, OutOfRange> {
     let Some(GradientFile { points }) = file else { return Ok(transfer) };
     let points = points.into_iter().map(|point| [point.hu_per_mm, point.opacity]).collect();
-    Ok(transfer.with_gradient_opacity(GradientOpacity::new(points)?))
+    Ok(transfer.with_gradient_opacity(GradientOpacity::new(points).map_err(transfer_out_of_range)?))
 }
 
 fn preset_names() -> String {

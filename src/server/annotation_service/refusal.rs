@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::outward::{outward_item, outward_versioned};
 use crate::problem::Problem;
-use relief_annotation::ItemError;
+use relief_base::OutOfRange;
 use relief_store::StoreError;
 
 impl From<StoreError> for Problem {
@@ -47,7 +47,7 @@ impl From<StoreError> for Problem {
 }
 
 /// A value of an item that may not be so.
-pub(crate) fn invalid(error: &ItemError) -> Problem {
+pub(crate) fn invalid(error: &OutOfRange) -> Problem {
     Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error)
         .with("path", error.path.as_str())
         .with("found", error.found.as_str())

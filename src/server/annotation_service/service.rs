@@ -1,9 +1,10 @@
 //! [`Annotations`]: the store of a server, and its caches.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 
 use axum::http::StatusCode;
+use parking_lot::Mutex;
 use tokio::sync::{MutexGuard, Notify, Semaphore, broadcast, watch};
 
 use super::published::Published;

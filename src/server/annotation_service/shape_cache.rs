@@ -1,7 +1,9 @@
 //! Surfaces of regions and meshes in memory.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+
+use parking_lot::{Mutex, MutexGuard};
 
 use relief_annotation::{ContentId, Geometry};
 use relief_session::SurfaceMesh;
@@ -36,6 +38,6 @@ pub(super) struct ShapeCache(Mutex<Shapes>);
 impl ShapeCache {
     /// The value is whole between statements, so a panic elsewhere leaves it usable.
     pub(super) fn lock(&self) -> MutexGuard<'_, Shapes> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }

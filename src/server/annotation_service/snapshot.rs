@@ -5,8 +5,10 @@
 //! are added to it, those made here and those that others made and that were heard of; where some
 //! were not heard of yet, it is read again.
 
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
+
+use parking_lot::MutexGuard;
 
 use super::published::Home;
 use super::service::Annotations;
@@ -23,7 +25,7 @@ const SETS_AGE: Duration = Duration::from_secs(1);
 impl Annotations {
     fn snapshots(&self) -> MutexGuard<'_, Snapshots> {
         // The value is whole between statements, so a panic elsewhere leaves it usable.
-        self.snapshots.lock().unwrap_or_else(PoisonError::into_inner)
+        self.snapshots.lock()
     }
 
     /// The newest state of the items of this frame of reference.

@@ -14,6 +14,7 @@ use crate::identity::Scope;
 use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
 use relief_annotation::Set;
+use relief_base::OutOfRange;
 
 /// Largest description of a set.
 const MOST_BYTES: usize = 64 << 10;
@@ -48,7 +49,7 @@ pub(super) async fn put(
     Set::check_name(&name).map_err(|error| invalid(&error))?;
     let SetBody { name: said, reader, blinded, template, author } = parse_value(body)?;
     if let Some(said) = said.filter(|said| *said != name) {
-        let error = relief_annotation::ItemError::new("name", &format!("{said:?}"), "what the path says");
+        let error = OutOfRange::new("name", format!("{said:?}"), "what the path says");
         return Err(invalid(&error));
     }
     let author = asked.author(author)?;

@@ -10,8 +10,7 @@ use super::edit::parse_value;
 use crate::frame::pick_scene;
 use crate::problem::Problem;
 use relief_annotation::{Snap, SnapFeature, Snapped};
-use relief_base::{Patient, Point, Vector};
-use relief_render::RequestError;
+use relief_base::{OutOfRange, Patient, Point, Vector};
 
 /// Largest body: a scene with all it may have.
 const MOST_BYTES: usize = 1 << 20;
@@ -80,10 +79,6 @@ fn answer(from: Point<Patient>, found: &Snapped) -> Value {
     })
 }
 
-fn refuse(path: &str, found: &str, allowed: &str) -> RequestError {
-    RequestError {
-        path: path.to_owned(),
-        found: found.chars().take(60).collect(),
-        allowed: allowed.to_owned(),
-    }
+fn refuse(path: &str, found: &str, allowed: &str) -> OutOfRange {
+    OutOfRange::new(path, found.chars().take(60).collect::<String>(), allowed)
 }

@@ -17,11 +17,11 @@ use super::order::{LABEL, MOST_BYTES, NewStructure, unusable};
 use crate::annotation_service::invalid;
 use crate::problem::Problem;
 use relief_annotation::{
-    Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemError, ItemId, MeshError,
-    MeshFormat, MeshSummary, RefineStep, Smoothing, Stroke, Versioned, fill_contours as filled,
-    grow_region as grown, paint_strokes as painted, refine_region, surface_nets, write_mesh as written,
+    Change, Contour, Decimation, Geometry, Grow, GrowError, GrowLimits, Item, ItemId, MeshError, MeshFormat,
+    MeshSummary, RefineStep, Smoothing, Stroke, Versioned, fill_contours as filled, grow_region as grown,
+    paint_strokes as painted, refine_region, surface_nets, write_mesh as written,
 };
-use relief_base::{Patient, Point};
+use relief_base::{OutOfRange, Patient, Point};
 use relief_session::Waiting;
 use relief_volume::Mask;
 
@@ -159,7 +159,7 @@ pub(super) async fn refine(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Re
 pub(super) async fn fill(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
     let (order, FillBody { curves }) = NewStructure::read(asked, body, "Region")?;
     let refuse = |found: &dyn std::fmt::Display, allowed: &str| {
-        invalid(&ItemError::new("curves", &found.to_string(), allowed))
+        invalid(&OutOfRange::new("curves", found.to_string(), allowed))
     };
     if curves.len() > MOST_CURVES {
         return Err(refuse(&curves.len(), &format!("up to {MOST_CURVES} curves")));
@@ -218,7 +218,7 @@ fn point(mm: Mm) -> Point<Patient> {
 }
 
 fn no_region(id: ItemId) -> Problem {
-    invalid(&ItemError::new("region", &id.to_string(), "an item that is a region"))
+    invalid(&OutOfRange::new("region", &id.to_string(), "an item that is a region"))
 }
 
 fn not_grown(error: &GrowError) -> Problem {
@@ -227,7 +227,7 @@ fn not_grown(error: &GrowError) -> Problem {
         GrowError::Leaked { reached_ml, allowed_ml } => {
             refuse("leaked").with("reached_ml", *reached_ml).with("allowed_ml", *allowed_ml)
         }
-        GrowError::Argument { key, .. } => refuse("out-of-range").with("path", *key),
+        GrowError::OutOfRange(error) => error.into(),
         GrowError::Outside { .. } | GrowError::Value { .. } => refuse("out-of-range").with("path", "seed_mm"),
         _ => refuse("not-grown"),
     }

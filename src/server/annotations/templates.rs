@@ -14,7 +14,8 @@ use crate::annotation_service::Annotations;
 use crate::annotation_service::invalid;
 use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
-use relief_annotation::{Change, Item, ItemError, Set, Template, TemplateError};
+use relief_annotation::{Change, Item, Set, Template, TemplateError};
+use relief_base::OutOfRange;
 use relief_store::StoreError;
 
 /// Largest template.
@@ -69,7 +70,7 @@ pub(super) async fn put(
     let author = asked.author(author::of_body(of_body.as_ref())?)?;
     let said = body.as_object_mut().and_then(|body| body.insert("name".to_owned(), name.as_str().into()));
     if said.as_ref().is_some_and(|said| *said != name.as_str()) {
-        return Err(invalid(&ItemError::new("name", "another name", "what the path says")));
+        return Err(invalid(&OutOfRange::new("name", "another name", "what the path says")));
     }
     let template = Template::read(body.to_string().as_bytes()).map_err(|error| refused(&error))?;
     let (text, may) = (template.json(), |known: Option<&str>| may_replace(&headers, known));

@@ -1,8 +1,9 @@
 //! The tokens that a server accepts: its file, read again when it changes.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
+
+use parking_lot::Mutex;
 
 use super::token_file::{TokenEntry, TokenFileError, read_tokens};
 use relief_annotation::Timestamp;
@@ -62,7 +63,7 @@ impl Tokens {
 
     fn with_newest<T>(&self, read: impl FnOnce(&[TokenEntry]) -> T) -> T {
         // The value is whole between statements, so a panic elsewhere leaves it usable.
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known.lock();
         if known.looked.elapsed() >= INTERVAL {
             known.looked = Instant::now();
             let now = version(&self.path);

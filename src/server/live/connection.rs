@@ -33,7 +33,7 @@ use relief_live::{
     MessageError, MessageFault, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
 };
 use relief_session::{
-    Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, lock, micros, search_preview,
+    Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, micros, search_preview,
 };
 
 /// Refused messages that end a connection.
@@ -79,7 +79,7 @@ impl Connected {
         let now = Instant::now();
         self.session.view.leave(&self.viewer);
         if *self.session.connection.borrow() == self.number {
-            let intents = lock(&self.session.remote).end();
+            let intents = self.session.remote.lock().end();
             self.session.view.apply_intents(None, &intents, 0, now); // letting go is never refused
             placing::abandon(&self.session.task, &self.session.view);
         }
@@ -172,7 +172,7 @@ impl Connected {
         }
         let Session { author, caller, task, view, .. } = &*self.session;
         let device = match message {
-            ClientMessage::Pose(_) | ClientMessage::Report(_) => lock(&self.session.remote).device(),
+            ClientMessage::Pose(_) | ClientMessage::Report(_) => self.session.remote.lock().device(),
             _ => pointer(),
         };
         let hand = LandmarkPlacer { author: author.as_deref(), caller, task, device };
@@ -245,7 +245,7 @@ impl Connected {
         let outcome = match &pose.what {
             // Buttons count, however late they come.
             PoseKind::Remote(remote) => {
-                let intents = lock(&self.session.remote).pose(pose.t_ns, remote, is_newest)?;
+                let intents = self.session.remote.lock().pose(pose.t_ns, remote, is_newest)?;
                 let from = is_newest.then_some((&*self.viewer, echo));
                 Some(self.session.view.apply_intents(from, &intents, pose.t_ns, now))
             }
@@ -280,7 +280,7 @@ impl Connected {
 
     fn report(&self, report: &RawReport, outbox: &Outbox, now: Instant) -> Result<Outcome, Problem> {
         let config = &self.parts.live.config;
-        let tracked = lock(&self.session.remote).report(report, &config.sensor, &config.beacon, now)?;
+        let tracked = self.session.remote.lock().report(report, &config.sensor, &config.beacon, now)?;
         let (intents, tracking) = tracked;
         if let Some(tracking) = tracking {
             let _ = outbox.try_send(ServerMessage::Tracking(tracking).to_text());
@@ -293,7 +293,7 @@ impl Connected {
         expect_annotations(&self.parts, Some(settings))?;
         self.session.view.configure(settings, entry.as_ref(), self.session.author.as_deref(), now)?;
         match settings.grab_mode {
-            Some(grab_mode) => lock(&self.session.remote).set_grab_mode(grab_mode),
+            Some(grab_mode) => self.session.remote.lock().set_grab_mode(grab_mode),
             None => Ok(()),
         }
     }

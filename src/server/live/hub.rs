@@ -1,11 +1,12 @@
 //! [`Live`]: the live sessions of a server, their views and their limits.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use axum::http::StatusCode;
 use data_encoding::HEXLOWER;
+use parking_lot::Mutex;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 use super::session::Sessions;

@@ -5,9 +5,10 @@
 //! point gets the next free number. Each session has its own place in that order, so that two
 //! people can work through one list and skip items. Existing points can be grabbed and moved.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 
+use parking_lot::Mutex;
 use serde_json::Value;
 
 use crate::annotation_service::{
@@ -23,7 +24,7 @@ use relief_annotation::{
 };
 use relief_base::{Patient, Point, Vector};
 use relief_live::{AnnotationsMessage, NextLabel, ServerMessage};
-use relief_session::{EditContext, Effect, Engine, HeldPoint, View, VolumeEntry, lock};
+use relief_session::{EditContext, Effect, Engine, HeldPoint, View, VolumeEntry};
 use relief_volume::{Camera, Projection};
 
 /// The reason for an item's place, in the log.
@@ -56,14 +57,14 @@ pub(super) async fn apply_effect(
     let by = EditAuthor { annotations, entry, shown, author };
     match effect {
         Effect::Take { at, reach_mm } => {
-            lock(hand.task).began = Some(*epoch);
+            hand.task.lock().began = Some(*epoch);
             let moved = by.nearest(at, reach_mm, *epoch).await?;
             let held = moved.as_ref().map(|HeldLandmark { known, offset, from, .. }| HeldPoint {
                 name: known.item.name.clone(),
                 offset: *offset,
                 from: *from,
             });
-            lock(hand.task).held = moved;
+            hand.task.lock().held = moved;
             view.hold(held, *epoch, Instant::now());
             return next(parts, view, hand).await; // nothing has changed yet
         }
@@ -72,7 +73,7 @@ pub(super) async fn apply_effect(
             return next(parts, view, hand).await;
         }
         Effect::Place { at, camera, method } => {
-            let began = lock(hand.task).began.take();
+            let began = hand.task.lock().began.take();
             let moved = let_go(hand.task, view);
             let wanted = moved.as_ref().map_or(at, |moved| at + moved.offset);
             // A hand that closed before the view came to show something else means nothing here,
@@ -93,7 +94,7 @@ pub(super) async fn apply_effect(
         Effect::NextLabel => {
             let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
             let list = list_of(annotations, &snapshot, shown, author).await;
-            let mut task = lock(hand.task);
+            let mut task = hand.task.lock();
             task.label = list.target(task.label).and_then(|target| list.following(target.item.id));
         }
         Effect::Undo => {
@@ -118,7 +119,7 @@ pub(super) async fn next(
     let snapshot = annotations.snapshot(&entry.frame_of_reference()).await?;
     let author = hand.author.unwrap_or_default();
     let list = list_of(annotations, &snapshot, &shown, author).await;
-    let task = lock(hand.task).clone();
+    let task = hand.task.lock().clone();
     let of = |known: &Versioned| NextLabel {
         set: known.item.set.clone(),
         name: known.item.name.clone(),
@@ -155,7 +156,7 @@ pub(super) fn abandon(task: &Mutex<LandmarkTask>, view: &View) {
 /// Releases the held point and returns it.
 fn let_go(task: &Mutex<LandmarkTask>, view: &View) -> Option<HeldLandmark> {
     let moved = {
-        let mut task = lock(task);
+        let mut task = task.lock();
         task.began = None;
         task.held.take()
     };
@@ -206,13 +207,13 @@ impl EditAuthor<'_> {
     ) -> Result<(), Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let list = list_of(self.annotations, &snapshot, self.shown, self.author).await;
-        let target = list.target(lock(hand.task).label);
+        let target = list.target(hand.task.lock().label);
         let change = list
             .placed(target, self.author, at, placement)
             .map_err(|error| Problem::internal("drawing a random id", error))?;
         self.change(change).await?;
         // The next label follows it.
-        lock(hand.task).label = target.and_then(|target| list.following(target.item.id));
+        hand.task.lock().label = target.and_then(|target| list.following(target.item.id));
         Ok(())
     }
 }

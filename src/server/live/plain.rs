@@ -247,7 +247,7 @@ pub(crate) async fn intent(
     let mut answer = json!({ "state": view.record(), "volume": view.entry().id });
     if !effects.is_empty() {
         let author = author_of(&headers)?;
-        let task = std::sync::Mutex::default();
+        let task = parking_lot::Mutex::default();
         let hand =
             LandmarkPlacer { author: author.as_deref(), caller: &caller, task: &task, device: pointer() };
         for effect in effects {

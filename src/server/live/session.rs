@@ -1,16 +1,17 @@
 //! Sessions: what outlives a connection, so that it can be resumed by its token.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use tokio::sync::watch;
 
 use super::remote::Remote;
 use crate::identity::Caller;
 use relief_annotation::LandmarkTask;
 use relief_live::Role;
-use relief_session::{View, lock};
+use relief_session::View;
 
 /// A session; its token resumes it.
 pub(super) struct Session {
@@ -53,7 +54,7 @@ impl Session {
     /// The connection of this number is gone; nothing if a newer one continues.
     pub(super) fn lose(&self, connection: u64, now: Instant) {
         if *self.connection.borrow() == connection {
-            *lock(&self.lost) = Some(now);
+            *self.lost.lock() = Some(now);
         }
     }
 }
@@ -81,7 +82,7 @@ impl Sessions {
         if *session.view.ended.borrow() || !session.caller.is_same_as(caller) {
             return None;
         }
-        *lock(&session.lost) = None;
+        *session.lost.lock() = None;
         session.connection.send_modify(|connection| *connection += 1);
         let connection = *session.connection.borrow();
         Some((Arc::clone(session), connection))
@@ -91,7 +92,7 @@ impl Sessions {
     fn forget(&mut self, now: Instant) {
         let resume = self.resume;
         let lost_for =
-            |session: &Session| lock(&session.lost).map(|lost| now.saturating_duration_since(lost));
+            |session: &Session| session.lost.lock().map(|lost| now.saturating_duration_since(lost));
         self.by_token.retain(|_, session| lost_for(session).is_none_or(|lost| lost < resume));
         while self.by_token.len() >= self.most {
             let lost = self.by_token.iter().filter_map(|(token, session)| Some((lost_for(session)?, token)));

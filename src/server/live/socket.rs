@@ -29,7 +29,7 @@ use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
-use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError, lock};
+use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -156,7 +156,7 @@ fn open(
         Problem::new(StatusCode::NOT_ACCEPTABLE, "no-common-format", &error).with("path", path)
     })?;
     if let Some(token) = &hello.resume
-        && let Some((session, connection)) = lock(&parts.live.sessions).resume(token, caller, now)
+        && let Some((session, connection)) = parts.live.sessions.lock().resume(token, caller, now)
     {
         session.view.touch();
         return Ok((session, connection, formats, true));
@@ -189,7 +189,7 @@ fn open(
     }
     let session =
         Session::new(random_name()?, view, hello.role, author.map(str::to_owned), caller.clone(), remote);
-    lock(&parts.live.sessions).add(&session, now);
+    parts.live.sessions.lock().add(&session, now);
     Ok((session, 1, formats, false))
 }
 

@@ -7,9 +7,9 @@ use crate::true_views::TrueViewsError;
 use crate::volumes::ReadError;
 use crate::{JobError, ServiceError};
 use relief_annotation::SnapError;
-use relief_display::SettingsError;
-use relief_live::{IntentError, StageError};
-use relief_render::{RequestError, SceneError};
+use relief_base::OutOfRange;
+use relief_live::IntentError;
+use relief_render::SceneError;
 use relief_volume::CameraError;
 
 /// A change of a view was refused, or its next frame could not be made.
@@ -18,15 +18,9 @@ pub enum LiveError {
     /// The scene has a syntax error or a value out of range.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A value of the request is out of range.
+    /// A value of the request, a display setting, or the volume's box is out of range.
     #[error(transparent)]
-    Range(#[from] RequestError),
-    /// A display setting is out of range.
-    #[error(transparent)]
-    Display(#[from] SettingsError),
-    /// The volume leaves no room for a camera.
-    #[error(transparent)]
-    Stage(#[from] StageError),
+    Range(#[from] OutOfRange),
     /// The view refuses an intent.
     #[error(transparent)]
     Intent(#[from] IntentError),
@@ -36,16 +30,6 @@ pub enum LiveError {
     /// A setting for snapping is out of range.
     #[error(transparent)]
     Snap(#[from] SnapError),
-    /// The radius for snapping is out of range.
-    #[error("snap.radius_mm is {found}, allowed: {least} to {most}")]
-    SnapRadius {
-        /// The radius, mm.
-        found: f64,
-        /// Smallest radius, mm.
-        least: f64,
-        /// Largest radius, mm.
-        most: f64,
-    },
     /// A key of a scene that is set elsewhere in a live session.
     #[error("scene.{key} has no place in a live scene; use {instead}")]
     SceneKey {
@@ -53,14 +37,6 @@ pub enum LiveError {
         key: &'static str,
         /// The setting to use instead.
         instead: &'static str,
-    },
-    /// A display layout that cannot be streamed.
-    #[error("display.layout is {found}, allowed: {allowed}")]
-    Layout {
-        /// Name of the layout.
-        found: String,
-        /// Names of the layouts that can be streamed.
-        allowed: String,
     },
     /// A picture has no views for other eyes.
     #[error(transparent)]
@@ -96,9 +72,8 @@ impl LiveError {
     #[must_use]
     pub fn path(&self) -> Option<String> {
         match self {
-            Self::SnapRadius { .. } => Some("snap.radius_mm".to_owned()),
+            Self::Range(error) => Some(error.path.clone()),
             Self::SceneKey { key, .. } => Some(format!("scene.{key}")),
-            Self::Layout { .. } => Some("display.layout".to_owned()),
             Self::Intent(_) | Self::Camera(_) => Some("intent".to_owned()),
             _ => None,
         }

@@ -1,9 +1,10 @@
 //! A rendered frame of a view and its encodings. The first client that needs an encoding has it
 //! made; all share it.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::OnceCell;
 
 use super::LiveError;
@@ -258,7 +259,7 @@ impl ViewFrame {
 
 /// The cell of a key; adds one if the key is new.
 fn cell<K: PartialEq, T>(made: &Cells<K, T>, key: K) -> Arc<OnceCell<Encoded<T>>> {
-    let mut made: MutexGuard<'_, _> = made.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut made: MutexGuard<'_, _> = made.lock();
     if let Some((_, cell)) = made.iter().find(|(known, _)| *known == key) {
         return Arc::clone(cell);
     }

@@ -36,10 +36,3 @@ pub use render_loop::DrawableSource;
 pub use view::View;
 pub use viewer::{Flow, Viewer};
 pub use views::{OpenError, Views};
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Locks a value that is whole between statements, so that a panic elsewhere leaves it usable.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

@@ -14,11 +14,12 @@ use crate::Drawables;
 use crate::live::ghost::Ghost;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{ShownSets, Snap, SnapFeature};
+use relief_base::OutOfRange;
 use relief_display::DisplaySettings;
 use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
-    Clip, ClipPlane, FramingRule, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest,
-    RequestError, Scene, SceneFile, depth_limits,
+    Clip, ClipPlane, FramingRule, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, Scene,
+    SceneError, SceneFile, depth_limits,
 };
 use relief_volume::{Camera, Orbit, PRESETS, preset};
 
@@ -113,8 +114,8 @@ impl Presentation {
             Some(SnapTo::Target(wanted)) => {
                 let radius_mm = wanted.radius_mm.unwrap_or(Snap::DEFAULT_RADIUS_MM);
                 if !Snap::RADII_MM.contains(&radius_mm) {
-                    let (least, most) = (Snap::RADII_MM.start(), Snap::RADII_MM.end());
-                    return Err(LiveError::SnapRadius { found: radius_mm, least: *least, most: *most });
+                    let allowed = format!("{} to {}", Snap::RADII_MM.start(), Snap::RADII_MM.end());
+                    return Err(OutOfRange::new("snap.radius_mm", radius_mm, allowed).into());
                 }
                 next.snap = Some(Snap { to: SnapFeature::from_name(&wanted.to, wanted.hu)?, radius_mm });
             }
@@ -142,10 +143,7 @@ impl Presentation {
             if LiveLayout::of(display.layout) == LiveLayout::None {
                 let known = LiveLayout::all().filter(|layout| *layout != LiveLayout::None);
                 let known: Vec<_> = known.map(LiveLayout::name).collect();
-                return Err(LiveError::Layout {
-                    found: display.layout.to_string(),
-                    allowed: known.join(", "),
-                });
+                return Err(OutOfRange::new("display.layout", display.layout, known.join(", ")).into());
             }
             // The size depends on the layout.
             if display.layout != next.display.layout {
@@ -235,7 +233,7 @@ impl Presentation {
     ) -> Result<RenderRequest, LiveError> {
         let mut request = self.base.request.clone();
         if !matches!(request.mode, Mode::Slice(_)) {
-            let own = || state.camera(&self.stage).map_err(RequestError::from);
+            let own = || state.camera(&self.stage).map_err(SceneError::from);
             request.camera = camera.map_or_else(own, Ok)?;
             if let Some(cut) = state.cut_plane(&self.stage)
                 && request.clip.planes.len() < Clip::MAX_PLANES
@@ -290,13 +288,12 @@ pub(super) fn shrunk(mut request: RenderRequest, size_px: [u32; 2]) -> RenderReq
 }
 
 /// Refuses an unknown preset by the key that named it.
-fn expect_preset(name: &str) -> Result<(), RequestError> {
+fn expect_preset(name: &str) -> Result<(), OutOfRange> {
     if preset(name).is_some() {
         return Ok(());
     }
     let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
-    let (path, found) = ("settings.preset".to_owned(), format!("{name:?}"));
-    Err(RequestError { path, found, allowed: names.join(", ") })
+    Err(OutOfRange::new("settings.preset", format!("{name:?}"), names.join(", ")))
 }
 
 fn resolve(
@@ -320,9 +317,8 @@ fn resolve(
     let pixels = scene.request.size_px.into_iter().map(u64::from).product::<u64>();
     if pixels > MAX_PIXELS {
         let [width, height] = scene.request.size_px;
-        let (path, found) = ("size_px".to_owned(), format!("{width} x {height}"));
         let allowed = format!("at most {MAX_PIXELS} pixels in a live session");
-        return Err(RequestError { path, found, allowed }.into());
+        return Err(OutOfRange::new("size_px", format!("{width} x {height}"), allowed).into());
     }
     Ok(Arc::new(scene))
 }

@@ -9,6 +9,7 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::LiveError;
 use super::effect::DrawablesWanted;
 use super::frame::{Encodings, ViewFrame};
 use super::job::{FrameJob, NextStep};
@@ -17,7 +18,6 @@ use super::presentation::shrunk;
 use super::steady_limits::Activity;
 use super::view::View;
 use super::views::Views;
-use super::{LiveError, lock};
 use crate::engine::Engine;
 use crate::{Drawables, Origin, Rendered, ServiceError, moving_detail};
 use relief_live::{Quality, ServerMessage, StateMessage};
@@ -133,7 +133,7 @@ fn view_frame(
     waiting: Duration,
 ) -> Result<ViewFrame, LiveError> {
     let frame = Arc::clone(&rendered.frame);
-    let limits = lock(&view.limits).of(job.entry.hash, &job.display, &frame, job.activity)?;
+    let limits = view.limits.lock().of(job.entry.hash, &job.display, &frame, job.activity)?;
     let state = StateMessage { outside: outside_depth(&job.request, limits), ..job.state.clone() };
     Ok(ViewFrame {
         number: job.number,

@@ -6,8 +6,8 @@
 
 use std::time::Instant;
 
-use relief_base::DepthLimits;
-use relief_display::{DepthRange, DisplaySettings, SettingsError};
+use relief_base::{DepthLimits, OutOfRange};
+use relief_display::{DepthRange, DisplaySettings};
 use relief_render::RenderedFrame;
 use relief_volume::ContentHash;
 
@@ -52,7 +52,7 @@ impl SteadyLimits {
         display: &DisplaySettings,
         frame: &RenderedFrame,
         activity: Activity,
-    ) -> Result<DepthLimits, SettingsError> {
+    ) -> Result<DepthLimits, OutOfRange> {
         if self.volume.replace(volume) != Some(volume) || display.depth_range == DepthRange::Volume {
             self.shown = None;
         }

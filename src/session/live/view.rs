@@ -8,11 +8,13 @@ mod configure;
 mod ending;
 mod schedule;
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::{Notify, watch};
 
+use super::LiveError;
 use super::effect::{DrawablesWanted, EditContext, Effect, HeldPoint, Outcome};
 use super::frame::{Echo, ViewFrame};
 use super::job::{NextStep, Published};
@@ -21,7 +23,6 @@ use super::presentation::Presentation;
 use super::preview::{Preview, SnapQuery};
 use super::steady_limits::SteadyLimits;
 use super::viewer::Viewer;
-use super::{LiveError, lock};
 use crate::Drawables;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{Method, ShownSets, Snap};
@@ -134,7 +135,7 @@ impl View {
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
-        lock(&self.inner)
+        self.inner.lock()
     }
 
     /// The volume that the view shows.

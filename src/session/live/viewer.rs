@@ -1,12 +1,12 @@
 //! A viewer of a view: the newest message that came from it, and its capacity for frames.
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::Instant;
 
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::Notify;
 
 use super::frame::Echo;
-use super::lock;
 use super::pace::Pace;
 use relief_live::{MAX_IN_FLIGHT, Role};
 
@@ -56,7 +56,7 @@ impl Viewer {
 
     /// Flow control, locked.
     pub fn flow(&self) -> MutexGuard<'_, Flow> {
-        lock(&self.flow)
+        self.flow.lock()
     }
 
     /// Stores the newest message; true where no frame showed the message before it.

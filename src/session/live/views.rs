@@ -1,12 +1,14 @@
 //! The registry of views: found by name, opened on demand, removed when abandoned.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 
+use parking_lot::Mutex;
+
+use super::View;
 use super::motion::Delays;
 use super::presentation::Presentation;
-use super::{View, lock};
 
 /// The live views of a server.
 #[derive(Debug)]
@@ -32,7 +34,7 @@ impl Views {
     /// The view of this name. It is kept for a while from now on.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<Arc<View>> {
-        let views = lock(&self.views);
+        let views = self.views.lock();
         let view = views.get(name)?;
         view.touch(); // under the lock, under which views are removed
         Some(Arc::clone(view))
@@ -48,7 +50,7 @@ impl Views {
         name: &str,
         presentation: Presentation,
     ) -> Result<(Arc<View>, bool), OpenError> {
-        let mut views = lock(&self.views);
+        let mut views = self.views.lock();
         if let Some(view) = views.get(name) {
             view.touch();
             return Ok((Arc::clone(view), false));
@@ -74,13 +76,13 @@ impl Views {
 
     /// Wakes all render loops: annotations or volumes have changed.
     pub fn wake(&self) {
-        lock(&self.views).values().for_each(|view| view.work.notify_one());
+        self.views.lock().values().for_each(|view| view.work.notify_one());
     }
 
     /// Removes a view that has had no viewer for long; returns false when a viewer has returned to
     /// it.
     pub(super) fn remove_abandoned(&self, view: &Arc<View>) -> bool {
-        let mut views = lock(&self.views);
+        let mut views = self.views.lock();
         let is_abandoned = view.is_abandoned(Instant::now(), self.patience.linger);
         if is_abandoned && views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
             views.remove(&view.name);
@@ -89,7 +91,7 @@ impl Views {
     }
 
     pub(super) fn remove(&self, view: &Arc<View>) {
-        let mut views = lock(&self.views);
+        let mut views = self.views.lock();
         if views.get(&view.name).is_some_and(|known| Arc::ptr_eq(known, view)) {
             views.remove(&view.name);
         }

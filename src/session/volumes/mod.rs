@@ -13,7 +13,9 @@ mod read_again;
 mod residents;
 mod voxels;
 
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::Arc;
+
+use parking_lot::RwLock;
 
 pub use entry::{LoadedVolume, NameSource, VolumeEntry};
 pub use error::{MemoryFull, ReadError, UploadRefused, VolumeError};
@@ -84,23 +86,23 @@ impl Volumes {
     /// # Errors
     /// When evicting all of them does not free enough.
     pub fn make_room(&self, bytes: u64) -> Result<(), MemoryFull> {
-        self.residents.make_room(&self.read().entries, bytes)
+        self.residents.make_room(&self.inner.read().entries, bytes)
     }
 
     /// Bytes of voxels in memory, evictions and reads.
     #[must_use]
     pub fn memory(&self) -> HostMemory {
-        self.residents.memory(&self.read().entries)
+        self.residents.memory(&self.inner.read().entries)
     }
 
     /// Announces volumes that are still being read.
     pub fn expect(&self, count: usize) {
-        self.write().loading += count;
+        self.inner.write().loading += count;
     }
 
     /// Withdraws the announcement of volumes that could not be read.
     pub fn expect_fewer(&self, count: usize) {
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         inner.loading = inner.loading.saturating_sub(count);
     }
 
@@ -115,7 +117,7 @@ impl Volumes {
         reader: Option<VolumeReader>,
     ) -> Result<Arc<VolumeEntry>, MemoryFull> {
         let entry = VolumeEntry::new(loaded, Owner::Operator, reader, self.names); // hashes the voxels: not under the lock
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         inner.entries.retain(|known| known.id != entry.id);
         self.push(&mut inner, &entry)?;
         inner.loading = inner.loading.saturating_sub(1);
@@ -133,7 +135,7 @@ impl Volumes {
         reader: VolumeReader,
     ) -> Result<Arc<VolumeEntry>, MemoryFull> {
         let entry = VolumeEntry::new(loaded, Owner::Operator, Some(reader), self.names);
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok(Arc::clone(known));
         }
@@ -158,7 +160,7 @@ impl Volumes {
         limits: UploadedVolumes,
     ) -> Result<(Arc<VolumeEntry>, Added), UploadRefused> {
         let entry = VolumeEntry::new(loaded, Owner::Upload, None, self.names);
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok((Arc::clone(known), Added::Known));
         }
@@ -183,7 +185,7 @@ impl Volumes {
     /// # Errors
     /// When no volume has this id, its label map is the operator's, or there is no room for the map.
     pub fn set_labels(&self, id: &str, labels: Arc<LabelMap>) -> Result<Arc<VolumeEntry>, VolumeError> {
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         let place = inner.entries.iter().position(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
         let known = &inner.entries[place];
         if known.has_own_labels {
@@ -201,7 +203,7 @@ impl Volumes {
     /// # Errors
     /// When no volume has this id.
     pub fn find(&self, id: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
-        let inner = self.read();
+        let inner = self.inner.read();
         inner.entries.iter().find(|entry| entry.id == id).cloned().ok_or(VolumeError::UnknownId)
     }
 
@@ -210,7 +212,7 @@ impl Volumes {
     /// # Errors
     /// When there is no volume.
     pub fn first(&self) -> Result<Arc<VolumeEntry>, VolumeError> {
-        self.read().entries.first().cloned().ok_or(VolumeError::NoVolume)
+        self.inner.read().entries.first().cloned().ok_or(VolumeError::NoVolume)
     }
 
     /// The volume of this study and series; the first stack of a series that has several.
@@ -218,7 +220,7 @@ impl Volumes {
     /// # Errors
     /// When no volume has this identity.
     pub fn find_series(&self, study_uid: &str, series_uid: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
-        let inner = self.read();
+        let inner = self.inner.read();
         let found = inner.entries.iter().find(|entry| entry.is_of_series(study_uid, series_uid));
         found.cloned().ok_or(VolumeError::UnknownSeries)
     }
@@ -226,21 +228,21 @@ impl Volumes {
     /// All volumes and the number of those still being read.
     #[must_use]
     pub fn list(&self) -> (Vec<Arc<VolumeEntry>>, usize) {
-        let inner = self.read();
+        let inner = self.inner.read();
         (inner.entries.clone(), inner.loading)
     }
 
     /// Numbers of volumes in the registry, and of those that are still being read.
     #[must_use]
     pub fn count(&self) -> (usize, usize) {
-        let inner = self.read();
+        let inner = self.inner.read();
         (inner.entries.len(), inner.loading)
     }
 
     /// Whether the volume of this entry is still there.
     #[must_use]
     pub fn has(&self, entry: &VolumeEntry) -> bool {
-        self.read().entries.iter().any(|known| known.id == entry.id)
+        self.inner.read().entries.iter().any(|known| known.id == entry.id)
     }
 
     /// Removes an uploaded volume.
@@ -248,7 +250,7 @@ impl Volumes {
     /// # Errors
     /// When no volume has this id, or the operator added it.
     pub fn remove(&self, id: &str) -> Result<Arc<VolumeEntry>, VolumeError> {
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         let at = inner.entries.iter().position(|entry| entry.id == id).ok_or(VolumeError::UnknownId)?;
         if !inner.entries[at].is_upload() {
             return Err(VolumeError::NotRemovable);
@@ -258,17 +260,8 @@ impl Volumes {
 
     /// Removes a volume of the operator; `None` if no such volume has this id.
     pub fn withdraw(&self, id: &str) -> Option<Arc<VolumeEntry>> {
-        let mut inner = self.write();
+        let mut inner = self.inner.write();
         let at = inner.entries.iter().position(|entry| entry.id == id && !entry.is_upload())?;
         Some(inner.entries.remove(at))
-    }
-
-    /// Entries are whole between statements, so a panic elsewhere leaves them usable.
-    fn read(&self) -> RwLockReadGuard<'_, Inner> {
-        self.inner.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn write(&self) -> RwLockWriteGuard<'_, Inner> {
-        self.inner.write().unwrap_or_else(PoisonError::into_inner)
     }
 }

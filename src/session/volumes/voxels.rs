@@ -1,8 +1,10 @@
 //! The voxels of one volume, in memory or to be read again.
 
 use std::error::Error;
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use parking_lot::{Mutex, MutexGuard};
 
 use relief_volume::Volume;
 
@@ -39,6 +41,6 @@ impl Voxels {
 
     /// The value is whole between statements, so a panic elsewhere leaves it usable.
     pub(super) fn lock(&self) -> MutexGuard<'_, Option<Volume>> {
-        self.volume.lock().unwrap_or_else(PoisonError::into_inner)
+        self.volume.lock()
     }
 }

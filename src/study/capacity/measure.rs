@@ -2,9 +2,10 @@
 //! and encoded in parallel as a server does it.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, PoisonError, mpsc};
+use std::sync::mpsc;
 use std::time::Instant;
 
+use parking_lot::Mutex;
 use serde::Serialize;
 
 use super::plan::ServerRates;
@@ -161,11 +162,11 @@ impl Bench<'_> {
             for _ in 0..self.cores {
                 scope.spawn(|| {
                     loop {
-                        let next = receiver.lock().unwrap_or_else(PoisonError::into_inner).recv();
+                        let next = receiver.lock().recv();
                         let Ok(frame): Result<std::sync::Arc<RenderedFrame>, _> = next else { return };
                         let since = Instant::now();
                         let outcome = encoder(&frame).map(|bytes| (bytes, milliseconds(since)));
-                        encoded.lock().unwrap_or_else(PoisonError::into_inner).push(outcome);
+                        encoded.lock().push(outcome);
                     }
                 });
             }
@@ -188,7 +189,7 @@ impl Bench<'_> {
             Ok(())
         })?;
         let per_s = count as f64 / since.elapsed().as_secs_f64();
-        let encoded = encoded.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let encoded = encoded.into_inner();
         let encoded = encoded.into_iter().collect::<Result<Vec<_>, StudyError>>()?;
         let bytes = encoded.iter().map(|(bytes, _)| *bytes as f64).sum::<f64>() / count as f64;
         let encode_ms = median(encoded.into_iter().map(|(_, ms)| ms).collect());

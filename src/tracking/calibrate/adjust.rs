@@ -34,7 +34,7 @@ type Mixed = SMatrix<f64, COUNT, 6>;
 
 /// The result of an adjustment.
 #[derive(Clone, Debug)]
-pub struct Adjustment {
+pub(crate) struct Adjustment {
     /// The camera.
     pub camera: Pinhole,
     /// Covariance of the camera's numbers by the noise that is left over; 0 where they were not
@@ -189,7 +189,11 @@ fn reduced(
 
 /// Adjusts camera and poses from `start`; `None` when it breaks down.
 #[must_use]
-pub fn adjust(views: &[CalibrationView], start: &Pinhole, model: CalibrationModel) -> Option<Adjustment> {
+pub(crate) fn adjust(
+    views: &[CalibrationView],
+    start: &Pinhole,
+    model: CalibrationModel,
+) -> Option<Adjustment> {
     let free = FreeParameters { model };
     let mut camera = *start;
     let mut poses: Vec<Pose> = views.iter().map(|view| view.pose).collect();

@@ -9,7 +9,8 @@
 mod adjust;
 mod choose;
 
-pub use adjust::{Adjustment, Parameter, Square, adjust};
+pub(crate) use adjust::adjust;
+pub use adjust::{Parameter, Square};
 pub use choose::{BlobIdentifier, CalibrationView, choose_views, moving_views};
 
 use super::sensor::{Pinhole, PinholeError};
@@ -29,7 +30,7 @@ pub enum CalibrationModel {
 }
 
 /// Fewer views are refused.
-pub const MIN_VIEWS: usize = 12;
+pub(crate) const MIN_VIEWS: usize = 12;
 /// Views whose directions are within this angle of each other tell too little, radians.
 const MIN_TILT: f64 = 0.35;
 /// The share of the picture's width and height that the blobs have to cover.

@@ -277,4 +277,4 @@ impl ErrorStateFilter {
 }
 
 /// The time for which a pose is predicted without seeing an LED, seconds.
-pub const MAX_PREDICTION_S: f64 = 0.05;
+pub(crate) const MAX_PREDICTION_S: f64 = 0.05;

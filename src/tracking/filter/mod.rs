@@ -9,7 +9,7 @@ pub(crate) mod error_state;
 mod plain;
 
 pub use error_state::{ErrorStateFilter, State, Update, Verdict};
-pub use plain::PoseFilter;
+pub(crate) use plain::PoseFilter;
 
 /// How the Wiimote may move: densities of white acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -41,7 +41,7 @@ impl Axis {
 
 /// The filter.
 #[derive(Clone, Debug)]
-pub struct PoseFilter {
+pub(crate) struct PoseFilter {
     position: [Axis; 3],
     /// The turn since `reference`; its value is zero except during an update.
     turn: [Axis; 3],
@@ -52,7 +52,7 @@ pub struct PoseFilter {
 impl PoseFilter {
     /// Begins at a solved pose and the covariance of its position (mm) and turn (radians).
     #[must_use]
-    pub fn new(pose: &SensorPose, covariance: &Matrix6<f64>, motion: MotionDensity) -> Self {
+    pub(crate) fn new(pose: &SensorPose, covariance: &Matrix6<f64>, motion: MotionDensity) -> Self {
         Self {
             position: std::array::from_fn(|i| Axis::new(pose.position[i], covariance[(i, i)], 500.0 * 500.0)),
             turn: std::array::from_fn(|i| Axis::new(0.0, covariance[(i + 3, i + 3)], 4.0)),
@@ -62,7 +62,7 @@ impl PoseFilter {
     }
 
     /// Moves on by `seconds`.
-    pub fn predict(&mut self, seconds: f64) {
+    pub(crate) fn predict(&mut self, seconds: f64) {
         let dt = seconds.max(0.0);
         self.position.iter_mut().for_each(|axis| axis.predict(dt, self.motion.acceleration));
         self.turn.iter_mut().for_each(|axis| axis.predict(dt, self.motion.angular_acceleration));
@@ -71,7 +71,7 @@ impl PoseFilter {
 
     /// Takes a solved pose with the covariance of its position and turn, of which the diagonal
     /// counts.
-    pub fn update(&mut self, pose: &SensorPose, covariance: &Matrix6<f64>) {
+    pub(crate) fn update(&mut self, pose: &SensorPose, covariance: &Matrix6<f64>) {
         let turn = (pose.orientation * self.reference.inverse()).scaled_axis();
         for i in 0..3 {
             self.position[i].update(pose.position[i], covariance[(i, i)]);
@@ -89,7 +89,7 @@ impl PoseFilter {
 
     /// The estimate.
     #[must_use]
-    pub fn pose(&self) -> SensorPose {
+    pub(crate) fn pose(&self) -> SensorPose {
         SensorPose {
             position: Vector3::from(self.position.map(|axis| axis.state.x)),
             orientation: self.reference,
@@ -98,7 +98,7 @@ impl PoseFilter {
 
     /// Covariance of position (mm) and turn (radians, beacon axes): a diagonal.
     #[must_use]
-    pub fn covariance(&self) -> Matrix6<f64> {
+    pub(crate) fn covariance(&self) -> Matrix6<f64> {
         let axes = self.position.iter().chain(&self.turn).map(|axis| axis.covariance.m11);
         Matrix6::from_diagonal(&nalgebra::Vector6::from_iterator(axes))
     }

@@ -10,9 +10,9 @@
 //! above 767. A test of the low bytes alone would drop blobs whose x or y happens to end in 0xff.
 
 /// Width of the camera's pictures in its position units, 1/8 sensor pixel.
-pub const SENSOR_WIDTH: u16 = 1024;
+pub(crate) const SENSOR_WIDTH: u16 = 1024;
 /// Height of the camera's pictures in its position units.
-pub const SENSOR_HEIGHT: u16 = 768;
+pub(crate) const SENSOR_HEIGHT: u16 = 768;
 
 /// How the camera describes blobs; the number is the mode register's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use super::blobs::{self, Blob};
 use super::data::Acceleration;
 
 /// Bytes at the beginning of the EEPROM that hold the calibrations.
-pub const EEPROM_BYTES: usize = 42;
+pub(crate) const EEPROM_BYTES: usize = 42;
 
 const CHECKSUM_START: u8 = 0x55;
 
@@ -118,7 +118,7 @@ pub fn decode_ir(block: &[u8; 11]) -> Option<IrCalibration> {
 
 /// The inverse of [`decode_ir`].
 #[must_use]
-pub fn encode_ir(calibration: &IrCalibration) -> [u8; 11] {
+pub(crate) fn encode_ir(calibration: &IrCalibration) -> [u8; 11] {
     let [a, b, c, d] = calibration.corners.map(Some);
     let mut block = [0; 11];
     block[..5].copy_from_slice(&blobs::encode_basic_pair([a, b]));
@@ -129,7 +129,7 @@ pub fn encode_ir(calibration: &IrCalibration) -> [u8; 11] {
 /// Zero and one g, volume and motor, checksum; `None` when it does not match or an axis has no
 /// gain.
 #[must_use]
-pub fn decode_accelerometer(block: &[u8; 10]) -> Option<AccelerometerCalibration> {
+pub(crate) fn decode_accelerometer(block: &[u8; 10]) -> Option<AccelerometerCalibration> {
     checked(block)?;
     let counts = |at: usize| {
         let low = u16::from(block[at + 3]);
@@ -143,7 +143,7 @@ pub fn decode_accelerometer(block: &[u8; 10]) -> Option<AccelerometerCalibration
 
 /// The inverse of [`decode_accelerometer`], with volume and motor zero.
 #[must_use]
-pub fn encode_accelerometer(calibration: &AccelerometerCalibration) -> [u8; 10] {
+pub(crate) fn encode_accelerometer(calibration: &AccelerometerCalibration) -> [u8; 10] {
     let mut block = [0; 10];
     for (at, counts) in [(0, calibration.zero), (4, calibration.one_g)] {
         let [x, y, z] = counts;

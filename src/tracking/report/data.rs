@@ -4,7 +4,7 @@ use super::blobs::{self, Blob, IrFormat};
 use super::buttons::Buttons;
 
 /// Raw counts of the accelerometer, 0 to 1023 each: x to the left, y to the plug, z up.
-pub type Acceleration = [u16; 3];
+pub(crate) type Acceleration = [u16; 3];
 
 /// The parts of a data report. The number is its id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

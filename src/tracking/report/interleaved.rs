@@ -70,13 +70,13 @@ impl InterleavedHalf {
 /// Puts halves together. A second half without its first is dropped: its other blobs were seen at
 /// another time.
 #[derive(Clone, Debug, Default)]
-pub struct Interleaver {
+pub(crate) struct Interleaver {
     first: Option<InterleavedHalf>,
 }
 
 impl Interleaver {
     /// Takes the next half; gives acceleration (10-bit counts) and blobs when it completes a pair.
-    pub fn push(&mut self, half: InterleavedHalf) -> Option<(Acceleration, [Option<Blob>; 4])> {
+    pub(crate) fn push(&mut self, half: InterleavedHalf) -> Option<(Acceleration, [Option<Blob>; 4])> {
         if half.half == Half::First {
             self.first = Some(half);
             return None;

@@ -18,10 +18,13 @@ pub(crate) mod motion_plus;
 pub(crate) mod output;
 pub(crate) mod recording;
 
-pub use blobs::{Blob, BlobExtent, IrFormat, SENSOR_HEIGHT, SENSOR_WIDTH};
+pub use blobs::{Blob, BlobExtent, IrFormat};
+pub(crate) use blobs::{SENSOR_HEIGHT, SENSOR_WIDTH};
 pub use buttons::Buttons;
-pub use data::{Acceleration, DataReport, Extension, Layout};
-pub use interleaved::{Half, InterleavedHalf, Interleaver};
+pub(crate) use data::Acceleration;
+pub use data::{DataReport, Extension, Layout};
+pub(crate) use interleaved::Interleaver;
+pub use interleaved::{Half, InterleavedHalf};
 
 /// The longest input report, its id included.
 pub const MAX_REPORT_BYTES: usize = 22;

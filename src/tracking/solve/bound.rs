@@ -9,7 +9,7 @@ use super::PoseView;
 use crate::pose::Pose;
 
 /// Variance of rounding to whole pixels.
-pub const QUANTISATION_VARIANCE: f64 = 1.0 / 12.0;
+pub(crate) const QUANTISATION_VARIANCE: f64 = 1.0 / 12.0;
 
 /// Standard deviation of a coordinate with this much noise before it is rounded to whole pixels.
 #[must_use]

@@ -5,10 +5,9 @@
 //! and second derivatives. It is neither faster nor better than [`paper`](super::paper); it exists
 //! for comparison. It allocates.
 
-use std::sync::{Mutex, PoisonError};
-
 use ipopt::{BasicProblem, ConstrainedProblem, Index, Ipopt, SolveStatus};
 use nalgebra::{Vector3, Vector4};
+use parking_lot::Mutex;
 
 use super::PoseView;
 use super::paper::{Energy, PaperSolution, Point, QuadraticForm};
@@ -172,7 +171,7 @@ pub fn solve_with_ipopt(view: &PoseView<'_>, start: &Pose) -> Option<PaperSoluti
     // About px², as the depths of LEDs are: IPOPT's tolerances are absolute.
     let weight = (view.camera.fx / start.t.z.max(1.0)).powi(2);
     let problem = Problem { energy, start, weight };
-    let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = ONE_AT_A_TIME.lock();
     let mut ipopt = Ipopt::new(problem).ok()?;
     ipopt.set_option("print_level", 0)?;
     ipopt.set_option("sb", "yes")?; // no banner

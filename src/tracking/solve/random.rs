@@ -110,7 +110,7 @@ pub fn random_sightings(
 
 /// Whether an LED is inside the picture, off its border.
 #[must_use]
-pub fn is_seen(camera: &Pinhole, pose: &Pose, led: &Vector3<f64>) -> bool {
+pub(crate) fn is_seen(camera: &Pinhole, pose: &Pose, led: &Vector3<f64>) -> bool {
     let inside = |pixel: Vector2<f64>| {
         (1.0..f64::from(SENSOR_WIDTH) - 2.0).contains(&pixel.x)
             && (1.0..f64::from(SENSOR_HEIGHT) - 2.0).contains(&pixel.y)

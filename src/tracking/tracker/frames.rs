@@ -56,13 +56,13 @@ impl Frame {
 
 /// Accelerometer axes (x left, y to the plug, z up) in sensor axes (x right, y down, z forward).
 #[must_use]
-pub fn sensor_from_body([x, y, z]: [f64; 3]) -> Vector3<f64> {
+pub(crate) fn sensor_from_body([x, y, z]: [f64; 3]) -> Vector3<f64> {
     Vector3::new(-x, -z, -y)
 }
 
 /// The inverse of [`sensor_from_body`].
 #[must_use]
-pub fn body_from_sensor(v: &Vector3<f64>) -> [f64; 3] {
+pub(crate) fn body_from_sensor(v: &Vector3<f64>) -> [f64; 3] {
     [-v.x, -v.z, -v.y]
 }
 

@@ -17,7 +17,8 @@ mod record;
 mod sightings;
 
 use crate::filter::error_state::MAX_PREDICTION_S;
-pub use frames::{Frame, Frames, body_from_sensor, sensor_from_body};
+pub(crate) use frames::body_from_sensor;
+pub use frames::{Frame, Frames};
 pub use options::{FilterKind, SolverKind, TrackerOptions};
 pub use record::PoseRecord;
 

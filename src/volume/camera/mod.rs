@@ -16,8 +16,8 @@ use glam::DVec3;
 use relief_base::{Patient, Point, Transform, Vector, View};
 
 pub use framing::Framing;
-pub use orbit::{Orbit, OrbitError};
-pub use slice::{EdgeLabels, NamedPlane, PlaneView, orientation_label};
+pub use orbit::Orbit;
+pub use slice::{EdgeLabels, NamedPlane, PlaneView};
 pub use written::{CameraFile, ProjectionFile, head_up};
 
 /// How view space becomes a picture.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Camera, CameraError, Projection};
-use relief_base::{Patient, Point, Vector};
+use relief_base::{OutOfRange, Patient, Point, Vector};
 
 /// A view of something round from outside: angles, zoom and shift, independent of its size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,18 +29,6 @@ impl Default for Orbit {
     }
 }
 
-/// An angle or a zoom out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what} is {found}, allowed: {allowed}")]
-pub struct OrbitError {
-    /// The part: `azimuth_deg`, `elevation_deg`, `zoom` or `vertical_fov_deg`.
-    pub what: &'static str,
-    /// The value.
-    pub found: f64,
-    /// The permitted values.
-    pub allowed: String,
-}
-
 impl Orbit {
     /// Turns either way, degrees.
     pub const AZIMUTHS_DEG: RangeInclusive<f64> = -3600.0..=3600.0;
@@ -55,10 +43,10 @@ impl Orbit {
     ///
     /// # Errors
     /// The first part out of range.
-    pub fn validate(&self) -> Result<(), OrbitError> {
-        let within = |what, found: f64, range: RangeInclusive<f64>, also: &str| {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        let within = |name, found: f64, range: RangeInclusive<f64>, also: &str| {
             let allowed = format!("{also}{} to {}", range.start(), range.end());
-            if range.contains(&found) { Ok(()) } else { Err(OrbitError { what, found, allowed }) }
+            if range.contains(&found) { Ok(()) } else { Err(OutOfRange::new(name, found, allowed)) }
         };
         within("azimuth_deg", self.azimuth_deg, Self::AZIMUTHS_DEG, "")?;
         within("elevation_deg", self.elevation_deg, Self::ELEVATIONS_DEG, "")?;
@@ -127,7 +115,7 @@ mod tests {
             (Orbit { zoom: 0.0, ..plain }, "zoom"),
             (Orbit { vertical_fov_deg: 1.0, ..plain }, "vertical_fov_deg"),
         ] {
-            assert_eq!(orbit.validate().unwrap_err().what, what);
+            assert_eq!(orbit.validate().unwrap_err().path, what);
         }
         let widest = Orbit { zoom: 50.0, vertical_fov_deg: 5.0, ..plain };
         widest.validate().unwrap();

@@ -121,7 +121,7 @@ impl PlaneView {
 /// As in DICOM's Patient Orientation (0020,0020). Components below 1e-4 of the whole have no
 /// letter; a direction of no length has none at all.
 #[must_use]
-pub fn orientation_label(direction: Vector<Patient>) -> String {
+pub(crate) fn orientation_label(direction: Vector<Patient>) -> String {
     const LEAST: f64 = 1e-4;
     let Some(direction) = direction.normalized() else { return String::new() };
     let mut parts: Vec<(f64, char)> = direction

@@ -25,7 +25,8 @@ use std::str::FromStr;
 
 use super::{LabelMap, Segment, Volume, stack_sha256};
 use facts::{PhantomFacts, Placement};
-pub use truth::{Material, PhantomLandmark, PhantomTruth, Surface, SurfaceShape, TRUTH_SCHEMA};
+pub(crate) use truth::TRUTH_SCHEMA;
+pub use truth::{Material, PhantomLandmark, PhantomTruth, Surface, SurfaceShape};
 
 /// The kinds of phantoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

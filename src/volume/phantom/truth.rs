@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The format name in a [`PhantomTruth`] document.
-pub const TRUTH_SCHEMA: &str = "relief.phantom.truth/1";
+pub(crate) const TRUTH_SCHEMA: &str = "relief.phantom.truth/1";
 
 /// Everything that is known about a phantom without looking at its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
