@@ -71,10 +71,50 @@ pub(super) struct Classified;
 pub(super) struct Paths;
 
 impl<L: Lanes> Scene<'_, L> {
+    /// The chosen rays, and the layer behind the first, as if that were absent, where the request has
+    /// one.
+    #[inline(always)]
+    pub(super) fn layers(
+        &self,
+        rays: &Rays<L>,
+        walk: &Walk<L>,
+        history: &mut History<L>,
+        mut chosen: L::Mask,
+    ) -> (Hit<L>, Option<Hit<L>>) {
+        let (mut start, mut rule, mut front) = (self.number(0.0), self.request.depth, None);
+        loop {
+            // The one call for both layers: inlined twice, it would take twice as long to compile.
+            let (hit, first) = self.composite(rays, walk, start, rule, history, chosen);
+            if let Some(front) = front {
+                return (front, Some(hit));
+            }
+            if !self.request.has_back_layer() {
+                return (hit, None);
+            }
+            (start, chosen) = self.behind(rays, walk, first, chosen & self.number(0.0).lt(hit.opacity));
+            if !chosen.any() {
+                return (hit, Some(self.miss()));
+            }
+            rule = DepthRule::Threshold { fraction: self.request.depth.fraction().unwrap_or(0.0) };
+            front = Some(hit);
+        }
+    }
+
+    /// The samples behind the first layer, and the chosen rays that have some; `first` are the first
+    /// visible samples.
+    #[inline(always)]
+    fn behind(&self, rays: &Rays<L>, walk: &Walk<L>, first: L::Real, chosen: L::Mask) -> (L::Real, L::Mask) {
+        let end = self.lanes.apart(
+            #[inline(always)]
+            || self.front_layer(rays, walk, first, chosen).end,
+        );
+        (end, chosen & end.lt(self.view.sample_counts(rays)))
+    }
+
     /// Casts the chosen rays from samples `start` on; the depth is by `rule`. `history` gets their
     /// visible samples. Returns the first visible samples too.
     #[inline(always)]
-    pub(super) fn composite(
+    fn composite(
         &self,
         rays: &Rays<L>,
         walk: &Walk<L>,
@@ -114,29 +154,6 @@ impl<L: Lanes> Scene<'_, L> {
             );
         }
         (Hit { color: sum.color, opacity: sum.opacity, hits, t }, sum.first)
-    }
-
-    /// The rays behind the first layer, as if that layer were absent; `first` are their first visible
-    /// samples.
-    #[inline(always)]
-    pub(super) fn back_layer(
-        &self,
-        rays: &Rays<L>,
-        walk: &Walk<L>,
-        first: L::Real,
-        history: &mut History<L>,
-        chosen: L::Mask,
-    ) -> Hit<L> {
-        let end = self.lanes.apart(
-            #[inline(always)]
-            || self.front_layer(rays, walk, first, chosen).end,
-        );
-        let goes_on = chosen & end.lt(self.view.sample_counts(rays));
-        if !goes_on.any() {
-            return self.miss();
-        }
-        let rule = DepthRule::Threshold { fraction: self.request.depth.fraction().unwrap_or(0.0) };
-        self.composite(rays, walk, end, rule, history, goes_on).0
     }
 
     /// Blends all samples of the chosen rays from samples `start` on.

@@ -119,15 +119,7 @@ impl<L: Lanes> Scene<'_, L> {
         chosen: L::Mask,
     ) -> (Hit<L>, Option<Hit<L>>) {
         let hit = match self.request.mode {
-            Mode::Composite | Mode::PathTraced => {
-                let (zero, rule) = (self.number(0.0), self.request.depth);
-                let (hit, first) = self.composite(rays, walk, zero, rule, history, chosen);
-                let back = self
-                    .request
-                    .has_back_layer()
-                    .then(|| self.back_layer(rays, walk, first, history, chosen & zero.lt(hit.opacity)));
-                return (hit, back);
-            }
+            Mode::Composite | Mode::PathTraced => return self.layers(rays, walk, history, chosen),
             Mode::Slice(blend) => self.lanes.apart(
                 #[inline(always)]
                 || self.slice(rays, blend, chosen),
