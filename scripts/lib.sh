@@ -213,11 +213,12 @@ unpack_pinned() { # TARGET PACKAGE...
     rm -rf "$work"
 }
 
-# Unpacks a series of the shared test data, once; prints its folder.
+# Unpacks a series of the shared test data, once, or takes that of scripts/setup-samples; prints its folder.
 unpack_series() { # NAME
     local archive=$RELIEF_SHARED/data/$1.tar.xz folder=$RELIEF_PRIVATE/data/$1 work
+    if [ ! -d "$folder" ] && [ ! -f "$archive" ] && [ -d "$RELIEF_PRIVATE/samples/$1" ]; then folder=$RELIEF_PRIVATE/samples/$1; fi
     if [ ! -d "$folder" ]; then
-        [ -f "$archive" ] || die "the series $1 is needed, but ../shared/data/$1.tar.xz is not there"
+        [ -f "$archive" ] || die "the series $1 is needed, but ../shared/data/$1.tar.xz is not there (scripts/setup-samples has others)"
         mkdir -p "$RELIEF_PRIVATE/data"
         work=$(mktemp -d "$RELIEF_PRIVATE/data/unpack.XXXXXX")
         tar -xJf "$archive" -C "$work" || { rm -rf "$work" && die "cannot unpack $archive"; }

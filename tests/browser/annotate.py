@@ -91,9 +91,18 @@ def undoing(page, server):
 def editing(page, server):
     """By grabbing: a free point follows, a locked one does not."""
     page.key("v")
-    page.page.click('.item[data-name="Point 2"] .item-main')
-    page.still()
     before = server.item("Point 2")["item"]["geometry"]["at_mm"]
+
+    def choose():
+        """Chooses the point, and waits until the axial slice goes through it."""
+        page.page.click('.item[data-name="Point 2"] .item-main')
+        for _ in range(600):
+            if abs(float(page.asked["axial"]["center_mm"].split(",")[2]) - before[2]) < 0.01:
+                break
+            page.page.wait_for_timeout(50)
+        page.still()
+
+    choose()
     sight = page.asked["axial"]
     box = page.box("axial")
     per_pixel = float(sight["height_mm"]) / box["height"]
@@ -102,9 +111,11 @@ def editing(page, server):
     at = [box["x"] + box["width"] / 2 + (before[0] - center[0]) / per_pixel, box["y"] + box["height"] / 2 + (before[1] - center[1]) / per_pixel]
     found = {"before": before, "per_pixel": per_pixel}
 
-    def drag(dx, dy):
+    def drag(dx, dy, grabs=False):
         start = [round(at[0]), round(at[1])]
         page.page.mouse.move(*start)
+        if grabs:
+            page.wait("document.querySelector('.pane-axial').classList.contains('grabs')")
         page.page.mouse.down()
         for step in range(1, 6):
             page.page.mouse.move(start[0] + dx * step / 5, start[1] + dy * step / 5)
@@ -114,20 +125,18 @@ def editing(page, server):
     drag(40, 0)
     page.page.wait_for_timeout(400)
     found["not_in_look"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
-    page.page.click('.item[data-name="Point 2"] .item-main')
-    page.still()
+    choose()
     page.key("e")
-    logged(server, lambda: drag(40, -20))
+    logged(server, lambda: drag(40, -20, grabs=True))
     found["after"] = server.item("Point 2")["item"]["geometry"]["at_mm"]
     page.page.wait_for_timeout(400)
     logged(server, lambda: page.key("Control+z"))
     page.page.wait_for_timeout(400)
     logged(server, lambda: page.key("k"))
     page.page.wait_for_timeout(400)
-    page.page.click('.item[data-name="Point 2"] .item-main')
-    page.still()
+    choose()
     drag(40, 0)
-    page.page.wait_for_timeout(400)
+    page.wait("document.getElementById('notice').innerText.includes('is locked')")
     found["locked"] = server.item("Point 2")["item"]
     found["said"] = page.page.inner_text("#notice")
     page.page.locator("#items").focus()

@@ -58,7 +58,7 @@ fn real_series_fill_the_picture_and_the_depth() {
     let folder = tempfile::tempdir().unwrap();
     let (out, depth) = (folder.path().join("out.png"), folder.path().join("depth.png"));
     for name in ["crlm-ct-1004", "totalseg-abdomen-j2k", "phantom-skull-5mm", "sts-001-thigh"] {
-        let Some(data) = unpacked(WHAT, name) else { return };
+        let Some(data) = unpacked(WHAT, name, &[]) else { continue };
         let series = data.to_str().unwrap();
         for preset in ["bone", "skin"] {
             let (_, shown) = picture(series, &out, &["--preset", preset]);
@@ -91,7 +91,7 @@ fn real_series_get_the_preset_and_the_window_of_their_body_part() {
         ("phantom-skull-5mm", "bone for bones without soft tissue", "500,2500"),
         ("catphan504-cbct", "skin for no body part", "40,400"),
     ] {
-        let Some(data) = unpacked(WHAT, name) else { return };
+        let Some(data) = unpacked(WHAT, name, &[]) else { continue };
         let series = data.to_str().unwrap();
         let said = |more: &[&str]| {
             let out = out.to_str().unwrap();

@@ -1,7 +1,8 @@
 //! Shared by the tests: the software adapter, the location of real data, and messages if either is
 //! missing.
 //!
-//! Data stay outside of the repository, in `../shared/data`; archives are unpacked once into
+//! Data stay outside of the repository, in `../shared/data` or, by `scripts/setup-samples`, in
+//! `.relief/samples`; archives are unpacked once into
 //! `.relief/data`.
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 #![allow(clippy::print_stderr, reason = "a test that cannot run says so aloud")]
@@ -49,22 +50,53 @@ pub(crate) fn volume(kind: PhantomKind, size: usize) -> Volume {
     phantom(PhantomRecipe::new(kind).with_size(size).expect("an allowed size")).volume.clone()
 }
 
-/// The folder of real data, or `None` after saying aloud that `what` was not tested.
-pub(crate) fn shared_data(what: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    if folder.is_dir() {
-        return Some(folder);
+/// The folder of real data: `../shared/data`, else the samples of `scripts/setup-samples` where these have
+/// all `needed` paths. `None` after saying aloud that `what` was not tested.
+pub(crate) fn shared_data(what: &str, needed: &[&str]) -> Option<PathBuf> {
+    let project = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shared = project.join("../shared/data");
+    if shared.is_dir() {
+        return Some(shared);
     }
-    eprintln!("UNAVAILABLE: {what} (../shared/data is not there)");
+    let samples = project.join(".relief/samples");
+    let missing: Vec<&str> = needed.iter().copied().filter(|path| !samples.join(path).exists()).collect();
+    if missing.is_empty() {
+        return Some(samples);
+    }
+    let missing = missing.join(", ");
+    if samples.is_dir() {
+        eprintln!(
+            "UNAVAILABLE: {what} ({missing}: in no package of scripts/setup-samples, and ../shared/data is not there)"
+        );
+    } else {
+        eprintln!(
+            "UNAVAILABLE: {what} (neither ../shared/data nor the samples of scripts/setup-samples are there)"
+        );
+    }
     None
 }
 
-/// The folder that `NAME.tar.xz` unpacks to, unpacked once and then kept.
+/// The first series of `names` that is there, for what any real series shows.
+pub(crate) fn any_series(what: &str, names: &[&str]) -> Option<PathBuf> {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").is_dir();
+    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join(".relief/samples");
+    let name = names.iter().find(|name| shared || samples.join(name).is_dir()).or(names.first())?;
+    unpacked(what, name, &[])
+}
+
+/// The folder that `NAME.tar.xz` unpacks to, unpacked once and then kept; else that of the samples, where it
+/// has all `needed` paths.
 ///
 /// # Panics
 /// When the archive cannot be unpacked: data that are there must be usable.
-pub(crate) fn unpacked(what: &str, name: &str) -> Option<PathBuf> {
-    let archive = shared_data(what)?.join(format!("{name}.tar.xz"));
+pub(crate) fn unpacked(what: &str, name: &str, needed: &[&str]) -> Option<PathBuf> {
+    let inside: Vec<String> = needed.iter().map(|path| format!("{name}/{path}")).collect();
+    let needed: Vec<&str> = inside.iter().map(String::as_str).chain([name]).collect();
+    let data = shared_data(what, &needed)?;
+    let archive = data.join(format!("{name}.tar.xz"));
+    if !archive.is_file() && data.join(name).is_dir() {
+        return Some(data.join(name));
+    }
     let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join(".relief/data");
     let folder = cache.join(name);
     if folder.is_dir() {

@@ -136,7 +136,7 @@ fn twenty_views_of_unseen_series_are_ordered_in_depth() {
         &[0, 50, 110, 170, 230, 290, 340],
         &[0, 60, 120, 180, 240, 300],
     ]) {
-        let Some(series) = unpacked("estimated depth of real series", name) else { return };
+        let Some(series) = unpacked("estimated depth of real series", name, &[]) else { return };
         views.extend(measured(&series, &["skin", "bone", "muscle"], azimuths));
     }
     assert_eq!(views.len(), 20);

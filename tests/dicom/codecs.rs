@@ -38,7 +38,7 @@ fn largest_difference(a: &Volume, b: &Volume) -> i32 {
 
 #[test]
 fn lossless_files_decode_to_the_same_bits() {
-    let Some(data) = shared_data("lossless transfer syntaxes") else { return };
+    let Some(data) = shared_data("lossless transfer syntaxes", &["codecs"]) else { return };
     let facts = facts(&data, "codecs.facts.json");
     for (file, intercept) in [
         ("CTImage.dcm", -1024),
@@ -63,7 +63,7 @@ fn lossless_files_decode_to_the_same_bits() {
 
 #[test]
 fn lossy_files_differ_no_more_than_other_decoders_find() {
-    let Some(data) = shared_data("lossy transfer syntaxes") else { return };
+    let Some(data) = shared_data("lossy transfer syntaxes", &["codecs"]) else { return };
     let facts = facts(&data, "codecs.facts.json");
     let reference = load(&data.join("codecs/CTImage.dcm")).unwrap().volume;
     for file in [
@@ -102,7 +102,7 @@ fn mean(hu: &[i16]) -> f64 {
 
 #[test]
 fn fragments_without_offset_table_are_divided_into_frames() {
-    let Some(data) = shared_data("fragmented enhanced CT") else { return };
+    let Some(data) = shared_data("fragmented enhanced CT", &["codecs"]) else { return };
     let expected =
         &facts(&data, "enhanced_ct.facts.json")["codecs/CT0012.fragmented_no_bot_jpeg_baseline.51.dcm"];
     let loaded = load(&data.join("codecs/CT0012.fragmented_no_bot_jpeg_baseline.51.dcm")).unwrap();
@@ -126,7 +126,7 @@ fn fragments_without_offset_table_are_divided_into_frames() {
 
 #[test]
 fn files_without_ct_pixels_are_refused_by_name() {
-    let Some(data) = shared_data("files without CT pixels") else { return };
+    let Some(data) = shared_data("files without CT pixels", &["codecs"]) else { return };
     for (file, reason) in [
         ("no-pixel-data.dcm", "not CT"),
         ("no-pixel-spacing.dcm", "not CT"),

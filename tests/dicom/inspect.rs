@@ -21,8 +21,9 @@ fn json(output: &Output) -> Value {
 #[test]
 fn json_has_the_geometry_and_the_hash_of_the_facts() {
     let name = "catphan504-cbct";
-    let Some(folder) = unpacked("relief inspect --json", name) else { return };
-    let facts = facts(&shared_data(name).unwrap(), &format!("{name}.facts.json"));
+    let Some(folder) = unpacked("relief inspect --json", name, &[]) else { return };
+    let facts =
+        facts(&shared_data(name, &[&format!("{name}.facts.json")]).unwrap(), &format!("{name}.facts.json"));
     let output = inspect(&folder, &["--json"]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let report = json(&output);
@@ -50,7 +51,7 @@ fn json_has_the_geometry_and_the_hash_of_the_facts() {
 
 #[test]
 fn warnings_have_codes_and_messages() {
-    let Some(folder) = unpacked("warnings of relief inspect", "head-ge-varspacing-tilt") else { return };
+    let Some(folder) = unpacked("warnings of relief inspect", "head-ge-varspacing-tilt", &[]) else { return };
     let report = json(&inspect(&folder, &["--json"]));
     let warnings = report["series"][0]["warnings"].as_array().unwrap();
     let codes: Vec<&str> = warnings.iter().map(|warning| warning["code"].as_str().unwrap()).collect();
@@ -63,7 +64,9 @@ fn warnings_have_codes_and_messages() {
 
 #[test]
 fn no_series_is_a_failure_that_says_why() {
-    let Some(data) = shared_data("relief inspect without series") else { return };
+    let Some(data) = shared_data("relief inspect without series", &["quirks/MR_truncated.dcm"]) else {
+        return;
+    };
     let output = inspect(&data.join("quirks/MR_truncated.dcm"), &["--json"]);
     assert_eq!(output.status.code(), Some(1));
     let report = json(&output);

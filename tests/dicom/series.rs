@@ -29,8 +29,8 @@ fn point(value: &Value) -> DVec3 {
 
 /// Loads a series and compares what every series must have: the stack as read.
 fn load_with_facts(name: &str) -> Option<(Loaded, Value)> {
-    let folder = unpacked(name, name)?;
-    let facts = facts(&shared_data(name)?, &format!("{name}.facts.json"));
+    let folder = unpacked(name, name, &[])?;
+    let facts = facts(&shared_data(name, &[&format!("{name}.facts.json")])?, &format!("{name}.facts.json"));
     let loaded = load(&folder);
     assert_eq!(hex(loaded.stack_sha256()), facts["hu"]["sha256_int16le_zyx"], "{name}: stack as read");
     Some((loaded, facts))
@@ -129,7 +129,7 @@ fn settle(loaded: &Loaded, start: DVec3, radius_mm: f64, threshold_hu: i16) -> (
 /// The sphere of the skull phantom: found at its position, and of its size.
 fn check_sphere(name: &str, expected_code: Option<WarningCode>) {
     let Some((loaded, _)) = load_with_facts(name) else { return };
-    let Some(data) = shared_data(name) else { return };
+    let Some(data) = shared_data(name, &["phantom-skull.metrics.json"]) else { return };
     let codes: Vec<WarningCode> = loaded.warnings.iter().map(|warning| warning.code).collect();
     assert_eq!(codes, expected_code.into_iter().collect::<Vec<_>>(), "{name}");
     let metrics = &facts(&data, "phantom-skull.metrics.json")["series"];
@@ -169,7 +169,7 @@ fn the_tilt_warning_gives_the_angle() {
 #[test]
 fn catphan_nodes_lie_where_they_were_measured() {
     let Some((loaded, _)) = load_with_facts("catphan504-cbct") else { return };
-    let Some(data) = shared_data("catphan nodes") else { return };
+    let Some(data) = shared_data("catphan nodes", &["catphan504-cbct.metrics.json"]) else { return };
     let grid = loaded.volume.grid();
     for node in facts(&data, "catphan504-cbct.metrics.json")["nodes"].as_array().unwrap() {
         let expected = point(&node["LPS_k32"]);
@@ -200,7 +200,7 @@ fn bone_of_a_tilted_uneven_head_stays_where_the_slices_have_it() {
     let Some((loaded, facts)) = load_with_facts(name) else { return };
     let codes: Vec<WarningCode> = loaded.warnings.iter().map(|warning| warning.code).collect();
     assert_eq!(codes, [WarningCode::GantryTilt, WarningCode::UnevenSpacing]);
-    let folder = unpacked(name, name).unwrap();
+    let folder = unpacked(name, name, &[]).unwrap();
     let (row, column) =
         (point(&facts["geometry"]["row_dir_lps(x axis)"]), point(&facts["geometry"]["col_dir_lps(y axis)"]));
     let mm = facts["geometry"]["pixel_spacing_row_col_mm"][0].as_f64().unwrap();

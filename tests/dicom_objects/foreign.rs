@@ -77,7 +77,7 @@ print(json.dumps(to_patient(np.array(group.roi.value, dtype=float)).tolist()))
 
 #[test]
 fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
-    let Some(interop) = unpacked("a report of highdicom", "interop") else { return };
+    let Some(interop) = unpacked("a report of highdicom", "interop", &["dicom/highdicom"]) else { return };
     let folder = interop.join("dicom/highdicom");
     let file = folder.join("sr_document.dcm");
     let bytes = std::fs::read(&file).unwrap();
@@ -108,7 +108,7 @@ fn a_circle_in_pixels_has_its_place_once_the_series_is_given() {
 
 #[test]
 fn a_report_without_coordinates_is_refused_with_the_reason() {
-    let Some(interop) = unpacked("a report of dcmqi", "interop") else { return };
+    let Some(interop) = unpacked("a report of dcmqi", "interop", &["dicom/dcmqi"]) else { return };
     let bytes = std::fs::read(interop.join("dicom/dcmqi/sr_tid1500.dcm")).unwrap();
     let found = relief_dicom::read_report(&bytes, &ReportReadOptions { author: "x", series: None }).unwrap();
     assert!(found.items.is_empty());

@@ -26,7 +26,7 @@ fn contours_are_those_that_pydicom_reads() {
         ("sts-001-thigh", "rtstruct/RS.dcm"),
         ("catphan504-cbct", "rtstruct/RS.1.2.246.352.61.4.4629243971856054928.10351809266615445418.dcm"),
     ] {
-        let Some(folder) = unpacked("an RT structure set", series) else { return };
+        let Some(folder) = unpacked("an RT structure set", series, &[]) else { continue };
         let file = folder.join(file);
         let found = relief_dicom::read_structure_set(&std::fs::read(&file).unwrap()).unwrap();
         let Some(peer) = python("structure sets read by pydicom", PYDICOM, &[&file]) else { return };
@@ -58,8 +58,8 @@ fn contours_are_those_that_pydicom_reads() {
 
 #[test]
 fn a_tumour_has_its_levels_and_becomes_items() {
-    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
-    let facts = facts(&shared_data("an RT structure set").unwrap(), "sts-001-thigh.mask.facts.json");
+    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh", &[]) else { return };
+    let facts = facts(&shared_data("an RT structure set", &[]).unwrap(), "sts-001-thigh.mask.facts.json");
     let found =
         relief_dicom::read_structure_set(&std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap()).unwrap();
     let tumour = &found.structures[0];
@@ -88,7 +88,7 @@ fn a_tumour_has_its_levels_and_becomes_items() {
 /// Filled, the contours are the region that another program made of them.
 #[test]
 fn contours_filled_are_the_published_mask() {
-    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
+    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh", &[]) else { return };
     let truth = relief_dicom::read_labels(&folder.join("nifti_mask/mask.nii.gz")).unwrap().map;
     let truth = Mask::of_label(&truth, 1);
     let found =
@@ -106,7 +106,7 @@ fn contours_filled_are_the_published_mask() {
 
 #[test]
 fn other_objects_and_bad_numbers_are_refused_by_name() {
-    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh") else { return };
+    let Some(folder) = unpacked("an RT structure set", "sts-001-thigh", &[]) else { return };
     let image = std::fs::read(folder.join("000000.dcm")).unwrap();
     let refused = relief_dicom::read_structure_set(&image).unwrap_err().to_string();
     assert_eq!(refused, "Modality (0008,0060): found \"CT\", expected RTSTRUCT, an RT structure set");

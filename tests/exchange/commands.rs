@@ -258,7 +258,9 @@ fn nothing_comes_in_twice_by_itself() {
 
 #[test]
 fn a_series_says_where_items_belong_and_warns_of_a_mirror() {
-    let Some(folder) = common::unpacked("landmarks of a skull imported with its volume", "interop") else {
+    let Some(folder) =
+        common::unpacked("landmarks of a skull imported with its volume", "interop", &["mouse_ct_atlas"])
+    else {
         return;
     };
     let skull = folder.join("mouse_ct_atlas/low_res_skull_only.nii.gz").display().to_string();

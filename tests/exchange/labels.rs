@@ -30,8 +30,11 @@ fn map(origin: f64, labels: &[u16; 24], names: &[&str]) -> Vec<u8> {
 
 #[test]
 fn regions_have_the_voxels_that_others_counted() {
-    let Some(folder) = common::unpacked("labels of TotalSegmentator", "interop") else { return };
-    let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
+    let Some(folder) = common::unpacked("labels of TotalSegmentator", "interop", &["nifti"]) else { return };
+    let facts = common::facts(
+        &common::shared_data("facts of files", &["interop.facts.json"]).unwrap(),
+        "interop.facts.json",
+    );
     let known = facts["totalseg-abdomen-j2k_labels"]["labels"].as_object().unwrap();
     let bytes = std::fs::read(folder.join("nifti/totalseg-abdomen-j2k_labels.nii.gz")).unwrap();
     let imported = read(Format::Nifti, &bytes).unwrap();
@@ -58,7 +61,9 @@ fn regions_have_the_voxels_that_others_counted() {
 
 #[test]
 fn segments_of_slicer_keep_their_names() {
-    let Some(folder) = common::unpacked("a segmentation of 3D Slicer", "interop") else { return };
+    let Some(folder) = common::unpacked("a segmentation of 3D Slicer", "interop", &["slicer"]) else {
+        return;
+    };
     let bytes = std::fs::read(folder.join("slicer/Segmentation.seg.nrrd")).unwrap();
     let imported = read(Format::SegNrrd, bytes).unwrap();
     let names: Vec<&str> = imported.items.iter().map(|item| item.name.as_str()).collect();
@@ -152,8 +157,13 @@ fn invalid_label_maps_are_refused_with_the_reason() {
 /// Every segment of 3D Slicer's own sample is whole, the sphere in a layer over the others too.
 #[test]
 fn overlapping_segments_of_slicer_are_all_whole() {
-    let Some(folder) = common::unpacked("overlapping segments of 3D Slicer", "interop") else { return };
-    let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
+    let Some(folder) = common::unpacked("overlapping segments of 3D Slicer", "interop", &["slicer"]) else {
+        return;
+    };
+    let facts = common::facts(
+        &common::shared_data("facts of files", &["interop.facts.json"]).unwrap(),
+        "interop.facts.json",
+    );
     let whole = &facts["slicer_Segmentation.seg.nrrd"]["label_counts"];
     let bytes = std::fs::read(folder.join("slicer/SegmentationOverlapping.seg.nrrd")).unwrap();
     let imported = read(Format::SegNrrd, &bytes).unwrap();

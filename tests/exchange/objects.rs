@@ -87,7 +87,7 @@ fn regions_become_a_segmentation_of_the_series() {
 
 #[test]
 fn contours_become_curves_in_lists_of_their_structures() {
-    let Some(folder) = super::common::unpacked("structures of a thigh", "sts-001-thigh") else { return };
+    let Some(folder) = super::common::unpacked("structures of a thigh", "sts-001-thigh", &[]) else { return };
     let bytes = std::fs::read(folder.join("rtstruct/RS.dcm")).unwrap();
     assert_eq!(Format::of(std::path::Path::new("x"), &bytes), Some(Format::RtStruct));
     let context = ReadContext { set: "plan", ..CONTEXT };

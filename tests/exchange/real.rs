@@ -6,7 +6,9 @@ use relief_exchange::{Format, ReadContext};
 
 #[test]
 fn a_list_of_slicer_5_is_read() {
-    let Some(folder) = common::unpacked("a list of points of 3D Slicer", "interop") else { return };
+    let Some(folder) = common::unpacked("a list of points of 3D Slicer", "interop", &["slicer"]) else {
+        return;
+    };
     let imported = read(Format::Fcsv, std::fs::read(folder.join("slicer/F_1.fcsv")).unwrap()).unwrap();
     assert_eq!((imported.items.len(), imported.warnings.len()), (12, 0));
     let item = |name: &str| imported.items.iter().find(|item| item.name == name).unwrap();
@@ -23,8 +25,13 @@ fn a_list_of_slicer_5_is_read() {
 
 #[test]
 fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_gives_a_warning() {
-    let Some(folder) = common::unpacked("landmarks of a skull", "interop") else { return };
-    let facts = common::facts(&common::shared_data("facts of files").unwrap(), "interop.facts.json");
+    let Some(folder) = common::unpacked("landmarks of a skull", "interop", &["mouse_ct_atlas"]) else {
+        return;
+    };
+    let facts = common::facts(
+        &common::shared_data("facts of files", &["interop.facts.json"]).unwrap(),
+        "interop.facts.json",
+    );
     let known = facts["mouse_45_LM-skull"]["in_low_res_skull_only.nii.gz"].as_array().unwrap();
     let skull = folder.join("mouse_ct_atlas/low_res_skull_only.nii.gz");
     let grid = relief_dicom::read_volume(&skull).unwrap().volume.grid().clone();
@@ -61,7 +68,9 @@ fn landmarks_of_a_skull_lie_on_it_and_their_mirror_image_gives_a_warning() {
 
 #[test]
 fn a_list_that_slicer_saved_keeps_its_names_and_locks() {
-    let Some(folder) = common::unpacked("markups of 3D Slicer", "interop") else { return };
+    let Some(folder) = common::unpacked("markups of 3D Slicer", "interop", &["mouse_ct_atlas"]) else {
+        return;
+    };
     let skull = folder.join("mouse_ct_atlas/A_J_.nii.gz");
     let grid = relief_dicom::read_volume(&skull).unwrap().volume.grid().clone();
     let bytes = std::fs::read(folder.join("mouse_ct_atlas/A_J_.mrk.json")).unwrap();
@@ -77,7 +86,7 @@ fn a_list_that_slicer_saved_keeps_its_names_and_locks() {
 
 #[test]
 fn a_table_that_does_not_say_which_way_it_looks_is_refused() {
-    let Some(folder) = common::unpacked("a table of points", "interop") else { return };
+    let Some(folder) = common::unpacked("a table of points", "interop", &["mouse_ct_atlas"]) else { return };
     let text = std::fs::read_to_string(folder.join("mouse_ct_atlas/low_res_skull_only_LM_LPS.csv")).unwrap();
     let refused = read(Format::Csv, &text).unwrap_err().to_string();
     assert_eq!(

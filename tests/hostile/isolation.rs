@@ -10,7 +10,7 @@ use relief_isolation::{FoundSeries, IsolatedReader, IsolationError, Listing, Ser
 use relief_session::{load_labels, most_label_voxels};
 
 use super::RELIEF;
-use crate::common::unpacked;
+use crate::common::any_series;
 
 fn reader() -> IsolatedReader {
     IsolatedReader::of_program(RELIEF.into())
@@ -160,7 +160,9 @@ fn a_child_reads_under_lower_limits_of_the_system() {
 /// Invariant: A child reads a real series exactly as the process itself does.
 #[test]
 fn a_child_reads_a_real_series() {
-    let Some(data) = unpacked("a real series in a child", "crlm-ct-1004") else { return };
+    let Some(data) = any_series("a real series in a child", &["crlm-ct-1004", "catphan504-cbct"]) else {
+        return;
+    };
     let folder = folder_of_slices(&data);
     let own = tempfile::tempdir().unwrap();
     let zip = own.path().join("real.zip");

@@ -33,7 +33,9 @@ fn expect_labels(map: &LabelMap, volume: &Volume, expected: &serde_json::Value, 
 
 #[test]
 fn totalsegmentators_example_is_what_the_facts_say() {
-    let Some(data) = shared_data("TotalSegmentator's example") else { return };
+    let Some(data) = shared_data("TotalSegmentator's example", &["volumes", "volumes.facts.json"]) else {
+        return;
+    };
     let facts = &facts(&data, "volumes.facts.json")[0];
     let read_volume = relief_dicom::read_volume(&data.join("volumes/totalseg_example_ct_sm.nii.gz")).unwrap();
     let volume = read_volume.volume;
@@ -58,9 +60,10 @@ fn totalsegmentators_example_is_what_the_facts_say() {
 /// files that claim too much, end in an error.
 #[test]
 fn labels_of_a_series_come_to_its_slices_by_flips() {
-    let Some(interop) = unpacked("labels of a series", "interop") else { return };
-    let series = unpacked("labels of a series", "totalseg-abdomen-j2k").unwrap();
-    let facts = facts(&shared_data("labels of a series").unwrap(), "interop.facts.json");
+    let Some(interop) = unpacked("labels of a series", "interop", &["nifti"]) else { return };
+    let series = unpacked("labels of a series", "totalseg-abdomen-j2k", &[]).unwrap();
+    let facts =
+        facts(&shared_data("labels of a series", &["interop.facts.json"]).unwrap(), "interop.facts.json");
     let found = relief_dicom::discover(&series, Strictness::Lenient, &|_| ()).unwrap();
     let volume = relief_dicom::load(&found.series[0], Strictness::Lenient, &|_| ()).unwrap().volume;
     let map = read(&interop.join("nifti/totalseg-abdomen-j2k_labels.nii.gz")).unwrap();
@@ -71,8 +74,8 @@ fn labels_of_a_series_come_to_its_slices_by_flips() {
 
 #[test]
 fn a_published_mask_of_a_series_has_its_volume_and_centroid() {
-    let Some(series) = unpacked("a published mask", "sts-001-thigh") else { return };
-    let facts = facts(&shared_data("a published mask").unwrap(), "sts-001-thigh.mask.facts.json");
+    let Some(series) = unpacked("a published mask", "sts-001-thigh", &[]) else { return };
+    let facts = facts(&shared_data("a published mask", &[]).unwrap(), "sts-001-thigh.mask.facts.json");
     let map = read(&series.join("nifti_mask/mask.nii.gz")).unwrap();
     let (_, voxels, ml, center) = measured(&map)[0];
     assert_eq!(facts["n_voxels"], voxels);
@@ -85,8 +88,11 @@ fn a_published_mask_of_a_series_has_its_volume_and_centroid() {
 
 #[test]
 fn segmentations_of_3d_slicer_have_their_names_and_overlapping_ones_all_segments() {
-    let Some(interop) = unpacked("segmentations of 3D Slicer", "interop") else { return };
-    let facts = facts(&shared_data("segmentations of 3D Slicer").unwrap(), "interop.facts.json");
+    let Some(interop) = unpacked("segmentations of 3D Slicer", "interop", &["slicer"]) else { return };
+    let facts = facts(
+        &shared_data("segmentations of 3D Slicer", &["interop.facts.json"]).unwrap(),
+        "interop.facts.json",
+    );
     let map = read(&interop.join("slicer/Segmentation.seg.nrrd")).unwrap();
     let fact = &facts["slicer_Segmentation.seg.nrrd"];
     for (segment, voxels) in map.counted() {
@@ -112,7 +118,7 @@ fn segmentations_of_3d_slicer_have_their_names_and_overlapping_ones_all_segments
 
 #[test]
 fn a_mouse_keeps_its_size() {
-    let Some(interop) = unpacked("a mouse's labels", "interop") else { return };
+    let Some(interop) = unpacked("a mouse's labels", "interop", &["mouse_ct_atlas"]) else { return };
     let map = read(&interop.join("mouse_ct_atlas/low_res_template_UCHAR-label.nii.gz")).unwrap();
     assert_eq!(map.grid().dims(), [130, 206, 114]);
     assert!((map.grid().spacing_mm()[0] - 0.141_113_4).abs() < 1e-6);

@@ -14,9 +14,10 @@ fn load(path: &Path) -> LoadedSegmentation {
 
 #[test]
 fn a_nodule_lies_where_the_facts_have_it() {
-    let Some(interop) = unpacked("a DICOM segmentation", "interop") else { return };
+    let Some(interop) = unpacked("a DICOM segmentation", "interop", &["dicom"]) else { return };
     let facts =
-        &facts(&shared_data("a DICOM segmentation").unwrap(), "interop.facts.json")["lidc-idri-0314_SEG"];
+        &facts(&shared_data("a DICOM segmentation", &["interop.facts.json"]).unwrap(), "interop.facts.json")
+            ["lidc-idri-0314_SEG"];
     let found = load(&interop.join("dicom/lidc-idri-0314_SEG_slicer-reporting.dcm"));
     assert_eq!(found.map.grid().dims(), [512, 512, 275]);
     let (label, voxels, ml, center) = measured(&found.map)[0];
@@ -27,8 +28,9 @@ fn a_nodule_lies_where_the_facts_have_it() {
 
 #[test]
 fn segments_of_dcmqi_and_highdicom_have_their_voxels_names_and_colours() {
-    let Some(interop) = unpacked("DICOM segmentations", "interop") else { return };
-    let facts = facts(&shared_data("DICOM segmentations").unwrap(), "interop.facts.json");
+    let Some(interop) = unpacked("DICOM segmentations", "interop", &["dicom"]) else { return };
+    let facts =
+        facts(&shared_data("DICOM segmentations", &["interop.facts.json"]).unwrap(), "interop.facts.json");
     for name in [
         "highdicom/seg_image_ct_binary",
         "highdicom/seg_image_ct_binary_overlap",
@@ -61,7 +63,9 @@ fn segments_of_dcmqi_and_highdicom_have_their_voxels_names_and_colours() {
 
 #[test]
 fn frames_that_end_within_a_byte_are_read_on_from_there() {
-    let Some(data) = shared_data("bits that are not aligned") else { return };
+    let Some(data) = shared_data("bits that are not aligned", &["quirks/liver_nonbyte_aligned.dcm"]) else {
+        return;
+    };
     let whole = load(&data.join("quirks/liver.dcm")).map;
     let odd = load(&data.join("quirks/liver_nonbyte_aligned.dcm")).map;
     assert_eq!(odd.grid().dims(), [510, 510, 3]);
@@ -77,7 +81,7 @@ fn frames_that_end_within_a_byte_are_read_on_from_there() {
 
 #[test]
 fn invalid_segmentations_are_refused_with_the_attribute() {
-    let Some(data) = shared_data("objects that are no segmentations") else { return };
+    let Some(data) = shared_data("objects that are no segmentations", &["quirks/liver.dcm"]) else { return };
     let error = load_segmentation(LoadLimits::default(), &data.join("quirks/CT_small.dcm")).unwrap_err();
     assert!(error.to_string().contains("SegmentationType (0062,0001)"), "{error}");
     let liver = data.join("quirks/liver.dcm");
@@ -89,7 +93,7 @@ fn invalid_segmentations_are_refused_with_the_attribute() {
 /// files that claim too much, end in an error.
 #[test]
 fn damaged_segmentations_end_in_an_error_or_a_map() {
-    let Some(data) = shared_data("damaged segmentations") else { return };
+    let Some(data) = shared_data("damaged segmentations", &["quirks/liver.dcm"]) else { return };
     let bytes = std::fs::read(data.join("quirks/liver.dcm")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("damaged.dcm");

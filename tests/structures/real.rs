@@ -9,7 +9,7 @@ use super::common::unpacked;
 use super::peers::{python, same_as_simpleitk};
 
 fn chest(what: &str) -> Option<Volume> {
-    let folder = unpacked(what, "lidc-idri-0314")?;
+    let folder = unpacked(what, "lidc-idri-0314", &[])?;
     let found = relief_dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
     Some(relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap().volume)
 }
