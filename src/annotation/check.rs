@@ -21,7 +21,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), OutOfRange> {
                 Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
                 _ => format!("geometry.points_mm[{index}]"),
             };
-            return Err(OutOfRange::new(path, &mm.to_string(), format!("-{far} to {far} mm each")));
+            return Err(OutOfRange::new(path, mm.to_string(), format!("-{far} to {far} mm each")));
         }
     }
     match geometry {

@@ -153,7 +153,7 @@ impl Set {
             return Ok(());
         }
         let allowed = format!("1 to {} letters, digits, - _ and .", Self::LONGEST_NAME);
-        Err(OutOfRange::new("set", &shortened(name), allowed))
+        Err(OutOfRange::new("set", shortened(name), allowed))
     }
 }
 
@@ -301,7 +301,7 @@ impl std::str::FromStr for ItemId {
         let digits =
             (text.len() == 36 && text.bytes().enumerate().all(is_good)).then(|| text.replace('-', ""));
         digits.and_then(|digits| u128::from_str_radix(&digits, 16).ok()).map(Self).ok_or_else(|| {
-            OutOfRange::new("id", &shortened(text), "a UUID, such as 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10")
+            OutOfRange::new("id", shortened(text), "a UUID, such as 0b51f4c4-95e2-4a4f-9e3b-1c1c5d8a7f10")
         })
     }
 }

@@ -102,7 +102,7 @@ impl DisplaySettings {
     pub fn validate(&self) -> Result<(), OutOfRange> {
         for (path, limit) in [("display.near_mm", self.near_mm), ("display.far_mm", self.far_mm)] {
             if let Some(mm) = limit.filter(|mm| !mm.is_finite()) {
-                return Err(OutOfRange::new(path, &mm, "a finite number or null"));
+                return Err(OutOfRange::new(path, mm, "a finite number or null"));
             }
         }
         if let (Some(near), Some(far)) = (self.near_mm, self.far_mm) {
@@ -111,7 +111,7 @@ impl DisplaySettings {
         self.validate_screen_plane()?;
         if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
             let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
-            return Err(OutOfRange::new("display.view_span", &span, allowed));
+            return Err(OutOfRange::new("display.view_span", span, allowed));
         }
         if let Some(panel) = self.panel {
             panel.check().map_err(|error| error.within("display.panel"))?;
@@ -239,7 +239,7 @@ impl DisplaySettings {
 
 fn checked_limits(near: f64, far: f64) -> Result<DepthLimits, OutOfRange> {
     DepthLimits::new(near, far).ok_or_else(|| {
-        OutOfRange::new("display.near_mm", &near, format!("finite and below the far limit ({far} mm)"))
+        OutOfRange::new("display.near_mm", near, format!("finite and below the far limit ({far} mm)"))
     })
 }
 

@@ -107,9 +107,6 @@ impl Copies {
         }
     }
 
-    /// The value is whole between statements.
-    #[cfg(any(feature = "archives", feature = "buckets"))]
-
     /// The same copies, which notify another one of the progress of retrievals.
     #[must_use]
     pub fn with_progress(&self, progress: CopyProgress) -> Self {

@@ -69,7 +69,7 @@ impl LightQuantity {
         let eye = grid.center() + Vector::new(0.0, -2.0 * radius_mm, 0.0);
         let projection = Projection::Orthographic { height_mm: (2.0 * radius_mm).clamp(1e-3, 1e6) };
         let camera = Camera::new(eye, grid.center(), Vector::new(0.0, 0.0, 1.0), projection)
-            .map_err(camera_out_of_range)?;
+            .map_err(|error| camera_out_of_range(&error))?;
         Ok(RenderRequest { camera, sample_distance_mm, ..request.clone() })
     }
 }

@@ -266,14 +266,14 @@ impl Mesh {
         let Self { vertices, triangles, rgb, opacity } = self;
         for (key, count) in [("vertices_mm", vertices.len()), ("triangles", triangles.len())] {
             if count == 0 {
-                return Err(path.refuse(key, &"empty", "at least one triangle and its corners"));
+                return Err(path.refuse(key, "empty", "at least one triangle and its corners"));
             }
         }
         path.points("vertices_mm", vertices)?;
         let known = |corner: &u32| (*corner as usize) < vertices.len();
         if let Some(at) = triangles.iter().position(|corners| !corners.iter().all(known)) {
             let allowed = format!("indices of vertices_mm, 0 to {}", vertices.len() - 1);
-            return Err(path.refuse(&format!("triangles[{at}]"), &format!("{:?}", triangles[at]), &allowed));
+            return Err(path.refuse(&format!("triangles[{at}]"), format!("{:?}", triangles[at]), &allowed));
         }
         path.within("opacity", *opacity, [0.05, 1.0])?;
         path.rgb(rgb)
@@ -343,12 +343,12 @@ impl Path {
         let count = text.chars().count();
         if !(1..=Overlays::MAX_LINE).contains(&count) {
             let allowed = format!("1 to {} characters", Overlays::MAX_LINE);
-            return Err(self.refuse(key, &format!("{count} characters"), &allowed));
+            return Err(self.refuse(key, format!("{count} characters"), &allowed));
         }
         match text.chars().find(|character| character.is_control()) {
             Some(character) => Err(self.refuse(
                 key,
-                &format!("a text with {character:?}"),
+                format!("a text with {character:?}"),
                 "one line without control characters",
             )),
             None => Ok(()),

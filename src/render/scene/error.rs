@@ -32,12 +32,12 @@ pub enum SyntaxError {
 
 impl From<CameraError> for SceneError {
     fn from(error: CameraError) -> Self {
-        camera_out_of_range(error).into()
+        camera_out_of_range(&error).into()
     }
 }
 
 /// The key of a camera that is invalid.
-pub(crate) fn camera_out_of_range(error: CameraError) -> OutOfRange {
+pub(crate) fn camera_out_of_range(error: &CameraError) -> OutOfRange {
     let coordinates = "-1000000 to 1000000 mm";
     match error {
         CameraError::Coordinate { what: "up", found } => OutOfRange::new("camera.up", found, coordinates),

@@ -276,7 +276,7 @@ impl Looks<'_> {
         let Some(file) = file else { return Ok(0) };
         let (transfer, _) =
             resolve_transfer(Some(file), self.windows, None).map_err(|error| match error {
-                SceneError::Range(error) => SceneError::Range(error.within(&path)),
+                SceneError::Range(error) => SceneError::Range(error.within(path)),
                 syntax @ SceneError::Syntax { .. } => syntax,
             })?;
         if transfer.gradient_opacity().is_some() {

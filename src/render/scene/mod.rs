@@ -376,10 +376,10 @@ impl SceneFile {
         let frame = self.frame.unwrap_or_default();
         let camera = match (slice, self.camera) {
             (Some(slice), _) => slice.camera(grid, size_px)?,
-            (None, Some(camera)) => camera.resolve().map_err(camera_out_of_range)?,
+            (None, Some(camera)) => camera.resolve().map_err(SceneError::from)?,
             (None, None) => {
                 orbit.validate()?;
-                around(&Framing::of_grid(grid)).map_err(camera_out_of_range)?
+                around(&Framing::of_grid(grid)).map_err(SceneError::from)?
             }
         };
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
@@ -420,7 +420,7 @@ impl SceneFile {
         };
         request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
         if let Some(framing) = (!has_own_view).then(|| subject.framing(frame, &request)).flatten() {
-            request.camera = around(&framing).map_err(camera_out_of_range)?;
+            request.camera = around(&framing).map_err(SceneError::from)?;
         }
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;

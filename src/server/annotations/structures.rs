@@ -218,7 +218,7 @@ fn point(mm: Mm) -> Point<Patient> {
 }
 
 fn no_region(id: ItemId) -> Problem {
-    invalid(&OutOfRange::new("region", &id.to_string(), "an item that is a region"))
+    invalid(&OutOfRange::new("region", id.to_string(), "an item that is a region"))
 }
 
 fn not_grown(error: &GrowError) -> Problem {
