@@ -10,6 +10,8 @@ use nalgebra::Vector3;
 use relief_tracking::{Beacon, SensorPath as HandPath, SensorPose, Simulation, recording_line};
 use serde_json::Value;
 
+use crate::common::child::LastLines;
+
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
 pub(crate) fn relief(arguments: &[&str]) -> Command {
@@ -30,17 +32,19 @@ pub(crate) fn phantom(folder: &Path) -> String {
 pub(crate) struct Serving {
     process: Child,
     pub(crate) address: String,
+    _errors: LastLines,
 }
 
 impl Serving {
     pub(crate) fn start(series: &str, listen: &str) -> Self {
         let mut process = relief(&["serve", "--series", series, "--listen", listen]).spawn().unwrap();
         let mut line = String::new();
+        let errors = LastLines::of("relief serve", process.stderr.take().unwrap());
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let address =
             line.trim().strip_prefix("listening on http://").and_then(|rest| rest.strip_suffix('/'));
         let address = address.unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
-        Self { process, address }
+        Self { process, address, _errors: errors }
     }
 
     pub(crate) fn url(&self) -> String {

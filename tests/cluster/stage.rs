@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+use crate::common::child::LastLines;
+
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
 /// Beyond what any step here may take on a busy machine.
@@ -39,7 +41,7 @@ pub(crate) fn can_run(what: &str) -> bool {
 
 pub(crate) fn relief(arguments: &[&str]) -> Command {
     let mut command = Command::new(RELIEF);
-    command.args(arguments).env("RELIEF_ADAPTER", "cpu").stdin(Stdio::null());
+    command.args(arguments).env("RELIEF_ADAPTER", "cpu").stdin(Stdio::null()).stderr(Stdio::piped());
     command
 }
 
@@ -52,14 +54,18 @@ pub(crate) fn phantom(folder: &Path, kind: &str) -> PathBuf {
 }
 
 /// A process that is stopped when this value is dropped.
-pub(crate) struct Process(Child);
+pub(crate) struct Process(
+    Child,
+    #[expect(dead_code, reason = "shows what the process said when a test fails")] Option<LastLines>,
+);
 
 impl Process {
     /// Starts it, and gives its lines up to the one with its address.
     pub(crate) fn start(command: &mut Command) -> (Self, Vec<String>) {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
-        let process = Self(child);
+        let errors = child.stderr.take().map(|stderr| LastLines::of("a relief server", stderr));
+        let process = Self(child, errors);
         let mut lines: Vec<String> = Vec::new();
         while !lines.last().is_some_and(|line| line.starts_with("listening on ")) {
             let mut line = String::new();

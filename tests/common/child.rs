@@ -1,10 +1,62 @@
-//! A child process whose peak memory is read while it runs.
+//! Child processes: one whose peak memory is read while it runs, and what they said when a test fails.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, reason = "a failed test shows what its processes said")]
 
-use std::io::Read;
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
+
+/// The last lines of a process' standard error, shown when the test that started it fails. Keep it behind the
+/// process, so that it is dropped after this was ended.
+pub(crate) struct LastLines {
+    name: String,
+    lines: Arc<Mutex<VecDeque<String>>>,
+    reader: JoinHandle<()>,
+}
+
+impl LastLines {
+    const MOST: usize = 30;
+
+    pub(crate) fn of(name: &str, stderr: ChildStderr) -> Self {
+        let lines = Arc::new(Mutex::new(VecDeque::new()));
+        let kept = Arc::clone(&lines);
+        let read = move || {
+            for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+                let mut kept = kept.lock();
+                kept.push_back(line);
+                if kept.len() > Self::MOST {
+                    kept.pop_front();
+                }
+            }
+        };
+        let reader = std::thread::Builder::new().name("reads-errors".to_owned()).spawn(read).unwrap();
+        Self { name: name.to_owned(), lines, reader }
+    }
+}
+
+impl Drop for LastLines {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            return;
+        }
+        // A process of the process may hold the pipe open.
+        for _ in 0..20 {
+            if self.reader.is_finished() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let lines = self.lines.lock();
+        eprintln!("the last {} lines on stderr of {}:", lines.len(), self.name);
+        lines.iter().for_each(|line| eprintln!("  {line}"));
+    }
+}
 
 /// The outcome of a child.
 pub(crate) struct Ended {
