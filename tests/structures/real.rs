@@ -5,11 +5,11 @@ use relief_base::Point;
 use relief_dicom::Strictness;
 use relief_volume::Volume;
 
-use super::common::unpacked;
+use super::common::any_series;
 use super::peers::{python, same_as_simpleitk};
 
 fn chest(what: &str) -> Option<Volume> {
-    let folder = unpacked(what, "lidc-idri-0314", &[])?;
+    let folder = any_series(what, &["lidc-idri-0314", "totalseg-abdomen-j2k"])?;
     let found = relief_dicom::discover(&folder, Strictness::Lenient, &|_| ()).unwrap();
     Some(relief_dicom::load(found.select(None).unwrap(), Strictness::Lenient, &|_| ()).unwrap().volume)
 }
