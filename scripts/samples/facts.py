@@ -1,6 +1,7 @@
-"""Computes facts of the samples with pydicom, nibabel, pynrrd and SimpleITK, which Relief's tests compare with: `facts.py SAMPLES`.
-
-They are written as JSON beside the samples. Positions are patient LPS, mm; arrays are (slice, row, column), slices in ascending
+# Computes facts of the samples by other programs, which tests compare with; see scripts/setup-samples.
+#
+# usage: facts.py SAMPLES
+"""They are written as JSON beside the samples. Positions are patient LPS, mm; arrays are (slice, row, column), slices in ascending
 order along their normal.
 """
 

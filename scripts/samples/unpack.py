@@ -1,6 +1,7 @@
-"""Takes the samples out of downloaded packages: `unpack.py DOWNLOADS SAMPLES`.
-
-SAMPLES gets a folder for each series, quirks with single DICOM files, interop with files of other programs, and volumes with
+# Takes the samples out of downloaded packages; see scripts/setup-samples.
+#
+# usage: unpack.py DOWNLOADS SAMPLES
+"""SAMPLES gets a folder for each series, quirks with single DICOM files, interop with files of other programs, and volumes with
 NIfTI. Of an archive, only the named members are read, and written under names of this script.
 """
 

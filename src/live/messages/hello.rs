@@ -151,7 +151,7 @@ impl Hello {
     }
 }
 
-/// Checks the name of a view: letters, digits, `-`, `_` and `.`, up to [`MAX_VIEW_NAME`].
+/// Checks the name of a view: letters, digits, `-`, `_` and `.`, up to 64 characters.
 ///
 /// # Errors
 /// When it has other characters, none, or too many.
