@@ -92,7 +92,8 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         let _ = self.process.kill(); // gone already when the test went well
-        let errors = self.process.stderr.take().map(|stderr| common::child::LastLines::of("relief serve", stderr));
+        let errors =
+            self.process.stderr.take().map(|stderr| common::child::LastLines::of("relief serve", stderr));
         drop(errors); // shown when the test fails
     }
 }

@@ -6,7 +6,7 @@ use super::{CalibrationModel, CalibrationView};
 use crate::pose::{Pose, cross_matrix};
 use crate::sensor::Pinhole;
 
-/// The camera's numbers, in the order of [`Adjustment::covariance`].
+/// The camera's numbers, in the order of the covariance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Focal length along u.

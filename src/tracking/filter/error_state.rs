@@ -183,8 +183,8 @@ impl ErrorStateFilter {
         }
     }
 
-    /// The pose `seconds` from now, at most [`crate::filter::error_state::MAX_PREDICTION_S`] of
-    /// them; the filter stays.
+    /// The pose `seconds` from now, at most 0.05 of them; the filter
+    /// stays.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Self {
         let mut ahead = self.clone();

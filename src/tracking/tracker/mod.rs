@@ -151,7 +151,7 @@ impl Tracker {
         sample
     }
 
-    /// The pose `seconds` after the last sample, at most [`MAX_PREDICTION_S`]; `None` when there is
+    /// The pose `seconds` after the last sample, at most 0.05 s; `None` when there is
     /// no sample to predict from.
     #[must_use]
     pub fn predicted(&self, seconds: f64) -> Option<SensorPose> {

@@ -14,7 +14,7 @@ pub(crate) const TRUTH_SCHEMA: &str = "relief.phantom.truth/1";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhantomTruth {
-    /// [`TRUTH_SCHEMA`].
+    /// `relief.phantom.truth/1`.
     pub schema: String,
     /// The name of the phantom's kind, as on the command line.
     pub kind: String,
