@@ -200,7 +200,9 @@ fn hanging_tasks_are_displayed_and_cancelled() {
     let Some(seen) = seen("long work on the page") else { return };
     let jobs = &seen["jobs"];
     let said = jobs["said"].as_str().unwrap();
-    assert!(said.contains("mesh of “Region 1”") && said.contains("1 s") && said.contains("Cancel"), "{said}");
+    // The time so far; a busy machine may show more than the first second.
+    let seconds = said.lines().find_map(|line| line.strip_suffix(" s")?.parse::<u32>().ok());
+    assert!(said.contains("mesh of “Region 1”") && seconds >= Some(1) && said.contains("Cancel"), "{said}");
     assert_eq!(jobs["bar"], -1.0, "nobody knows the share that is done");
     assert_eq!(jobs["items"][0], jobs["items"][1]);
     assert_eq!(jobs["mesh"], "mesh", "the next one goes through");

@@ -279,7 +279,7 @@ fn panels_have_files_and_quilts_have_names() {
     std::fs::write(&panel, r#"{"pitch_px": 0}"#).unwrap();
     let thin = refused(&["--layout", "lenses-9", "--panel", &panel, "--out", &path("a.png")]);
     assert!(
-        thin.contains("panel.json is no panel") && thin.contains("pitch_px is 0; allowed: 1 to 1000"),
+        thin.contains("panel.json is no panel") && thin.contains("pitch_px is 0, allowed: 1 to 1000"),
         "{thin}"
     );
     let named = relief(&["preview", &quilt, "--layout", "views-9", "--out", &path("plain.png")]);

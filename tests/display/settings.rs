@@ -119,7 +119,7 @@ fn settings_that_do_not_fit_together_are_refused() {
     let limits = invalid(r#"{"near_mm": 300, "far_mm": 200}"#);
     assert_eq!(
         limits.to_string(),
-        "display.near_mm is 300; allowed: finite and below the far limit (200 mm)"
+        "display.near_mm is 300, allowed: finite and below the far limit (200 mm)"
     );
     let display = invalid(r#"{"profile": "philips-42", "layout": "wowvx-4k"}"#);
     assert_eq!(display.path, "display.profile");
