@@ -90,7 +90,7 @@ pub(crate) fn run(command: &mut Command, most_mib: u64) -> Ended {
     Ended { status, stdout: output.join().unwrap(), stderr: errors.join().unwrap(), peak_mib }
 }
 
-fn reading(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<String> {
+fn reading(mut pipe: impl Read + Send + 'static) -> JoinHandle<String> {
     let reader = move || {
         let mut bytes = Vec::new();
         pipe.read_to_end(&mut bytes).unwrap();
