@@ -126,7 +126,7 @@ def files_of_others():
     write("interop.facts.json", {
         "totalseg-abdomen-j2k_labels": {"labels": labels_of(labels, values, "mean_HU")},
         "slicer_Segmentation.seg.nrrd": {
-            "label_counts": counts, "origin": vector(header["space origin"]),
+            "label_counts": counts, "origin": vector(header["space origin"], 12),
             "segments": {key: value for key, value in header.items() if key.startswith("Segment") and key.endswith("_Name")},
         },
     })
