@@ -1,7 +1,7 @@
-# Computes facts of the samples by other programs, which tests compare with; see scripts/setup-samples.
+# Computes the expected values of tests from the samples, with libraries of others; see scripts/setup-samples.
 #
 # usage: facts.py SAMPLES
-"""They are written as JSON beside the samples. Positions are patient LPS, mm; arrays are (slice, row, column), slices in ascending
+"""Writes JSON files beside the samples. Positions are patient LPS, mm; arrays are (slice, row, column), slices in ascending
 order along their normal.
 """
 
@@ -9,6 +9,7 @@ import hashlib
 import json
 import pathlib
 import sys
+import xml.etree.ElementTree as xml
 
 import nibabel
 import nrrd
@@ -96,8 +97,6 @@ def labels_of(image, values, mean):
 
 def named(image):
     """Names of labels in the extension of Connectome Workbench."""
-    import xml.etree.ElementTree as xml
-
     for extension in image.header.extensions:
         text = extension.get_content()
         text = text.decode("utf-8", "ignore") if isinstance(text, bytes) else str(text)

@@ -1,8 +1,8 @@
-# Takes the samples out of downloaded packages; see scripts/setup-samples.
+# Unpacks the samples from downloaded packages; see scripts/setup-samples.
 #
 # usage: unpack.py DOWNLOADS SAMPLES
-"""SAMPLES gets a folder for each series, quirks with single DICOM files, interop with files of other programs, and volumes with
-NIfTI. Of an archive, only the named members are read, and written under names of this script.
+"""SAMPLES receives one folder per series, `quirks` with single DICOM files, `interop` with files of other programs, and `volumes`
+with NIfTI. Only the members named here are read. They are written into these folders, whatever their paths in the package.
 """
 
 import io
@@ -39,9 +39,9 @@ def phantom():
     with zipfile.ZipFile(io.BytesIO(demo)) as series:
         for name in series.namelist():
             if name.endswith(".dcm"):
-                name_alone = pathlib.PurePosixPath(name).name
-                folder = "catphan504-cbct/rtstruct" if name_alone.startswith("RS.") else "catphan504-cbct"
-                put(f"{folder}/{name_alone}", series.read(name))
+                file = pathlib.PurePosixPath(name).name
+                folder = "catphan504-cbct/rtstruct" if file.startswith("RS.") else "catphan504-cbct"
+                put(f"{folder}/{file}", series.read(name))
 
 
 def abdomen():

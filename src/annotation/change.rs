@@ -145,7 +145,7 @@ impl Edit {
         for (index, change) in self.changes.iter().enumerate() {
             if !known.insert(change.id()) {
                 let path = format!("changes[{index}].id");
-                return Err(OutOfRange::new(path, change.id().to_string(), "one change for each item"));
+                return Err(OutOfRange::new(path, change.id(), "one change for each item"));
             }
             if let Change::Create { item } | Change::Update { item, .. } = change {
                 item.validate().map_err(|error| error.within(&format!("changes[{index}].item")))?;

@@ -21,7 +21,7 @@ pub(super) fn validate_geometry(geometry: &Geometry) -> Result<(), OutOfRange> {
                 Geometry::Line { .. } => format!("geometry.ends_mm[{index}]"),
                 _ => format!("geometry.points_mm[{index}]"),
             };
-            return Err(OutOfRange::new(path, mm.to_string(), format!("-{far} to {far} mm each")));
+            return Err(OutOfRange::new(path, mm, format!("-{far} to {far} mm each")));
         }
     }
     match geometry {
@@ -66,7 +66,7 @@ fn unit(path: &str, direction: &[f64; 3]) -> Result<(), OutOfRange> {
 
 pub(super) fn within(path: &str, value: f64, [low, high]: [f64; 2]) -> Result<(), OutOfRange> {
     let inside = (low..=high).contains(&value);
-    inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value.to_string(), format!("{low} to {high}")))
+    inside.then_some(()).ok_or_else(|| OutOfRange::new(path, value, format!("{low} to {high}")))
 }
 
 pub(super) fn finite<'a>(path: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), OutOfRange> {

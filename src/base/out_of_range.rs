@@ -1,4 +1,4 @@
-//! A value that is not allowed, whoever it came from: a request, a file's header, an argument.
+//! The error of a value that is not allowed, in a request, a file's header or an argument.
 
 /// A value that is not allowed: its name, the value and the allowed values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -13,12 +13,12 @@ pub struct OutOfRange {
 }
 
 impl OutOfRange {
-    /// The error of a value by its name, as texts.
+    /// The error of the value `found` with the name `path`.
     pub fn new(path: impl Into<String>, found: impl std::fmt::Display, allowed: impl Into<String>) -> Self {
         Self { path: path.into(), found: found.to_string(), allowed: allowed.into() }
     }
 
-    /// The same error of a part of something: `points_mm` of `items[3]` is `items[3].points_mm`.
+    /// The same error with a longer path: `points_mm` within `items[3]` is `items[3].points_mm`.
     #[must_use]
     pub fn within(self, parent: &str) -> Self {
         Self { path: format!("{parent}.{}", self.path), ..self }

@@ -98,9 +98,10 @@ def editing(page, server):
         page.page.click('.item[data-name="Point 2"] .item-main')
         for _ in range(600):
             if abs(float(page.asked["axial"]["center_mm"].split(",")[2]) - before[2]) < 0.01:
-                break
+                page.still()
+                return
             page.page.wait_for_timeout(50)
-        page.still()
+        raise SystemExit("the axial slice does not go through the chosen point")
 
     choose()
     sight = page.asked["axial"]

@@ -56,7 +56,7 @@ pub(crate) fn phantom(folder: &Path, kind: &str) -> PathBuf {
 /// A process that is stopped when this value is dropped.
 pub(crate) struct Process(
     Child,
-    #[expect(dead_code, reason = "shows what the process said when a test fails")] Option<LastLines>,
+    #[expect(dead_code, reason = "prints the last lines of its stderr when a test fails")] Option<LastLines>,
 );
 
 impl Process {

@@ -1,6 +1,7 @@
-//! Child processes: one whose peak memory is read while it runs, and what they said when a test fails.
+//! Helpers for child processes: one measures the peak memory of a child, one prints the last lines of a
+//! server's standard error when a test fails.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-#![allow(clippy::print_stderr, reason = "a failed test shows what its processes said")]
+#![allow(clippy::print_stderr, reason = "a failed test prints the last lines of its processes")]
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
@@ -12,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
-/// The last lines of a process' standard error, shown when the test that started it fails. Keep it behind the
-/// process, so that it is dropped after this was ended.
+/// Collects the last lines of a process' standard error, and prints them when it is dropped by a failing
+/// test. End the process first: declare this field after the process.
 pub(crate) struct LastLines {
     name: String,
     lines: Arc<Mutex<VecDeque<String>>>,
@@ -23,6 +24,7 @@ pub(crate) struct LastLines {
 impl LastLines {
     const MOST: usize = 30;
 
+    /// Reads in a thread until the pipe is closed.
     pub(crate) fn of(name: &str, stderr: ChildStderr) -> Self {
         let lines = Arc::new(Mutex::new(VecDeque::new()));
         let kept = Arc::clone(&lines);
@@ -45,7 +47,7 @@ impl Drop for LastLines {
         if !std::thread::panicking() {
             return;
         }
-        // A process of the process may hold the pipe open.
+        // A grandchild may keep the pipe open, so the wait is limited.
         for _ in 0..20 {
             if self.reader.is_finished() {
                 break;

@@ -50,15 +50,17 @@ pub(crate) fn volume(kind: PhantomKind, size: usize) -> Volume {
     phantom(PhantomRecipe::new(kind).with_size(size).expect("an allowed size")).volume.clone()
 }
 
-/// The folder of real data: `../shared/data`, else the samples of `scripts/setup-samples` where these have
-/// all `needed` paths. `None` after saying aloud that `what` was not tested.
+fn in_project(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// The folder of real data: `../shared/data`, else the samples of `scripts/setup-samples` if they have all
+/// `needed` paths. Otherwise prints that `what` was not tested, and returns `None`.
 pub(crate) fn shared_data(what: &str, needed: &[&str]) -> Option<PathBuf> {
-    let project = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let shared = project.join("../shared/data");
+    let [shared, samples] = ["../shared/data", ".relief/samples"].map(in_project);
     if shared.is_dir() {
         return Some(shared);
     }
-    let samples = project.join(".relief/samples");
     let missing: Vec<&str> = needed.iter().copied().filter(|path| !samples.join(path).exists()).collect();
     if missing.is_empty() {
         return Some(samples);
@@ -76,16 +78,15 @@ pub(crate) fn shared_data(what: &str, needed: &[&str]) -> Option<PathBuf> {
     None
 }
 
-/// The first series of `names` that is there, for what any real series shows.
+/// The first available series of `names`, for tests that need a real series but no particular one.
 pub(crate) fn any_series(what: &str, names: &[&str]) -> Option<PathBuf> {
-    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").is_dir();
-    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join(".relief/samples");
-    let name = names.iter().find(|name| shared || samples.join(name).is_dir()).or(names.first())?;
+    let [shared, samples] = ["../shared/data", ".relief/samples"].map(in_project);
+    let name = names.iter().find(|name| shared.is_dir() || samples.join(name).is_dir()).or(names.first())?;
     unpacked(what, name, &[])
 }
 
-/// The folder that `NAME.tar.xz` unpacks to, unpacked once and then kept; else that of the samples, where it
-/// has all `needed` paths.
+/// The folder of a series or archive: `NAME.tar.xz` of the shared data, unpacked once and then kept, or the
+/// samples' folder `NAME` if it has all `needed` paths.
 ///
 /// # Panics
 /// When the archive cannot be unpacked: data that are there must be usable.
@@ -97,7 +98,7 @@ pub(crate) fn unpacked(what: &str, name: &str, needed: &[&str]) -> Option<PathBu
     if !archive.is_file() && data.join(name).is_dir() {
         return Some(data.join(name));
     }
-    let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join(".relief/data");
+    let cache = in_project(".relief/data");
     let folder = cache.join(name);
     if folder.is_dir() {
         return Some(folder);

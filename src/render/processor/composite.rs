@@ -71,8 +71,8 @@ pub(super) struct Classified;
 pub(super) struct Paths;
 
 impl<L: Lanes> Scene<'_, L> {
-    /// The chosen rays, and the layer behind the first, as if that were absent, where the request has
-    /// one.
+    /// Casts the chosen rays. Where the request has a back layer, also casts what lies behind the first
+    /// layer, as if that were absent.
     #[inline(always)]
     pub(super) fn layers(
         &self,
@@ -83,7 +83,7 @@ impl<L: Lanes> Scene<'_, L> {
     ) -> (Hit<L>, Option<Hit<L>>) {
         let (mut start, mut rule, mut front) = (self.number(0.0), self.request.depth, None);
         loop {
-            // The one call for both layers: inlined twice, it would take twice as long to compile.
+            // One call for both layers: it is inlined, and a second copy would take as long to compile.
             let (hit, first) = self.composite(rays, walk, start, rule, history, chosen);
             if let Some(front) = front {
                 return (front, Some(hit));

@@ -36,7 +36,7 @@ impl From<CameraError> for SceneError {
     }
 }
 
-/// The key of a camera that is invalid.
+/// The invalid key of a camera.
 pub(crate) fn camera_out_of_range(error: &CameraError) -> OutOfRange {
     let coordinates = "-1000000 to 1000000 mm";
     match error {
@@ -66,7 +66,7 @@ pub(crate) fn camera_out_of_range(error: &CameraError) -> OutOfRange {
     }
 }
 
-/// The key of a transfer function that is invalid.
+/// The invalid key of a transfer function.
 pub(super) fn transfer_out_of_range(error: TransferError) -> OutOfRange {
     match error {
         TransferError::Count(count) => {

@@ -158,9 +158,8 @@ pub(super) async fn refine(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Re
 
 pub(super) async fn fill(asked: EditRequest, body: JsonBody<MOST_BYTES>) -> Result<Response, Problem> {
     let (order, FillBody { curves }) = NewStructure::read(asked, body, "Region")?;
-    let refuse = |found: &dyn std::fmt::Display, allowed: &str| {
-        invalid(&OutOfRange::new("curves", found.to_string(), allowed))
-    };
+    let refuse =
+        |found: &dyn std::fmt::Display, allowed: &str| invalid(&OutOfRange::new("curves", found, allowed));
     if curves.len() > MOST_CURVES {
         return Err(refuse(&curves.len(), &format!("up to {MOST_CURVES} curves")));
     }
@@ -218,7 +217,7 @@ fn point(mm: Mm) -> Point<Patient> {
 }
 
 fn no_region(id: ItemId) -> Problem {
-    invalid(&OutOfRange::new("region", id.to_string(), "an item that is a region"))
+    invalid(&OutOfRange::new("region", id, "an item that is a region"))
 }
 
 fn not_grown(error: &GrowError) -> Problem {
