@@ -256,7 +256,8 @@ def files(page, server):
         page.wait("document.getElementById('dialog').open")  # until then it has the last export's form, which is checked already
         page.page.check('#dialog input[value="mrk.json"]')
         with page.page.expect_download() as download:
-            page.page.keyboard.press("Enter")  # confirms, wherever the button stands
+            # Confirms, wherever the button stands. The focus may still be elsewhere on a busy machine.
+            page.page.press('#dialog input[value="mrk.json"]', "Enter")
         download.value.save_as(path)
         return download.value.suggested_filename
 
