@@ -37,6 +37,9 @@ class Phone:
     def __init__(self, browser, address, script=""):
         self.context = browser.new_context(**PHONE, ignore_https_errors=True)
         self.context.add_init_script(script)
+        self.context.add_init_script(
+            "addEventListener('deviceorientation', (event) => { window.attitude = [event.alpha, event.beta, event.gamma]; })"
+        )
         self.page = self.context.new_page()
         self.problems = []
         self.page.on("pageerror", lambda error: self.problems.append(error.message))
@@ -51,7 +54,10 @@ class Phone:
         raise SystemExit(f"not within 20 s: {condition}; {self.page.inner_text('body')}")
 
     def hold_up(self, alpha, beta, gamma):
-        self.sensors.send("DeviceOrientation.setDeviceOrientationOverride", {"alpha": alpha, "beta": beta, "gamma": gamma})
+        """Returns when the page has the attitude: a gesture that ended earlier would be shorter."""
+        attitude = {"alpha": alpha, "beta": beta, "gamma": gamma}
+        self.sensors.send("DeviceOrientation.setDeviceOrientationOverride", attitude)
+        self.until(f"{list(attitude.values())}.every((angle, axis) => Math.abs(angle - window.attitude?.[axis]) < 0.1)")
         self.page.wait_for_timeout(120)
 
     def gesture(self, name, *attitudes):
@@ -71,11 +77,11 @@ def view_of(window):
 
 
 def settled(window):
-    """The view when it has not changed for 750 ms."""
+    """The view when it has not changed for 750 ms, and its still picture is there."""
     views = [None]
     for _ in range(100):
         views = [*views[-3:], view_of(window)]
-        if views.count(views[-1]) == 4:
+        if views.count(views[-1]) == 4 and window.page.evaluate("document.documentElement.dataset.still") == "true":
             break
         window.page.wait_for_timeout(250)
     return views[-1]

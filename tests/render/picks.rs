@@ -154,7 +154,7 @@ fn picks_are_what_every_layouts_frame_was_packed_from() {
         let decoded = layout.decode(&encoder.encode(&picture, limits).unwrap()).unwrap();
         let profile = display.profile().unwrap();
         let mut compared = 0;
-        for (at, mm) in frame.depth_mm.iter().enumerate().filter(|(_, mm)| mm.is_finite()) {
+        for (at, mm) in frame.depth_mm.iter().enumerate().step_by(7).filter(|(_, mm)| mm.is_finite()) {
             let pixel = [at as u32 % size[0], at as u32 / size[0]];
             let place = frame.pick(pixel).unwrap();
             let (.., picked_mm) = frame.camera.project(place, size).unwrap();
@@ -178,7 +178,7 @@ fn picks_are_what_every_layouts_frame_was_packed_from() {
             }
             compared += 1;
         }
-        assert!(compared > 1000, "{layout}: {compared}");
+        assert!(compared > 150, "{layout}: {compared}");
     }
 }
 
@@ -192,7 +192,7 @@ fn a_picked_point_lies_on_the_plane_of_the_screen() {
     let usual = frame.limits_for(&DisplaySettings::default()).unwrap();
     let mut points = 0;
     for pixel in
-        (0..SIZE[1]).step_by(11).flat_map(|row| (0..SIZE[0]).step_by(11).map(move |column| [column, row]))
+        (0..SIZE[1]).step_by(7).flat_map(|row| (0..SIZE[0]).step_by(7).map(move |column| [column, row]))
     {
         let Some(point) = frame.pick(pixel) else { continue };
         let screen_plane = Some(ScreenPlane::PointMm(point.xyz.to_array()));
