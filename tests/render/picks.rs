@@ -192,7 +192,7 @@ fn a_picked_point_lies_on_the_plane_of_the_screen() {
     let usual = frame.limits_for(&DisplaySettings::default()).unwrap();
     let mut points = 0;
     for pixel in
-        (0..SIZE[1]).step_by(7).flat_map(|row| (0..SIZE[0]).step_by(7).map(move |column| [column, row]))
+        (0..SIZE[1]).step_by(5).flat_map(|row| (0..SIZE[0]).step_by(5).map(move |column| [column, row]))
     {
         let Some(point) = frame.pick(pixel) else { continue };
         let screen_plane = Some(ScreenPlane::PointMm(point.xyz.to_array()));

@@ -171,8 +171,8 @@ async fn the_ghost_follows_the_cursor_and_goes_when_nothing_is_near() {
 #[tokio::test]
 async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
     let running = Running::annotated_sphere().await;
-    // A search of this radius takes many times as long as a picture.
-    let snap = json!({ "to": "gradient", "radius_mm": 15 });
+    // The largest radius: a search takes several times as long as a picture.
+    let snap = json!({ "to": "gradient", "radius_mm": 20 });
     let (mut anna, _) = running.hello(annotating(&snap)).await;
     anna.still(0).await;
     let place = |seq: u32| [f64::from(seq % 7) * 0.2, f64::from(seq % 5) * 0.2, 19.0];
@@ -195,7 +195,7 @@ async fn snapping_holds_up_no_pictures_and_ends_at_the_newest_place() {
             Came::Closed(code) => panic!("closed with {code:?}"),
         }
     }
-    assert!(pictures >= 2, "{pictures} pictures of new places during the search");
+    assert!(pictures >= 1, "no picture of a new place came during the search");
     let message = loop {
         let message = previewed(&mut anna).await;
         if between(xyz(&message["state"]["cursor_mm"]), place(newest)) < 1e-9 {
