@@ -354,8 +354,7 @@ async fn pages_of_other_sites_change_nothing() {
 #[tokio::test]
 async fn two_thousand_items_are_listed_at_once() {
     let stage = Stage::annotated().await;
-    let many: Vec<Value> =
-        (0..2_000u16).map(|i| point(&format!("p{i}"), [f64::from(i), 0.0, 0.0])).collect();
+    let many: Vec<Value> = (0..2_000u16).map(|i| point(&format!("p{i}"), [f64::from(i), 0.0, 0.0])).collect();
     stage.create("anna", many.into()).await;
     let list = stage.annotate_with(Method::GET, "", &[], Value::Null).await;
     assert_eq!(list.json()["items"].as_array().unwrap().len(), 2_000);
