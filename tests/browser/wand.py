@@ -82,9 +82,9 @@ def settled(window):
     for _ in range(100):
         views = [*views[-3:], view_of(window)]
         if views.count(views[-1]) == 4 and window.page.evaluate("document.documentElement.dataset.still") == "true":
-            break
+            return views[-1]
         window.page.wait_for_timeout(250)
-    return views[-1]
+    raise SystemExit("the view has not come to rest within 25 s")
 
 
 def driven(browser, server):

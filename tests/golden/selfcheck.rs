@@ -74,20 +74,21 @@ fn a_golden_is_identical_to_itself() {
 
 /// Invariant: Any change of a golden picture fails the check.
 #[test]
-fn a_change_of_one_pixel_fails_in_every_picture() {
+fn a_change_of_one_pixel_fails_in_every_picture_and_channel() {
     for aspect in [Aspect::Color, Aspect::Frame] {
-        for (number, (case, golden)) in goldens(aspect).into_iter().enumerate() {
+        for (case, golden) in goldens(aspect) {
             let last = colors(&mut golden.clone()).len() - 1;
-            let (pixel, channel) = [(0, 0), (last / 2, 1), (last, 2), (last / 3, 3)][number % 4];
-            let mut changed = golden.clone();
-            let byte = &mut colors(&mut changed)[pixel][channel];
-            *byte = moved(*byte, 2);
-            let found = compare(&golden, &changed, &case.tolerance()).mismatches;
-            assert!(
-                matches!(found[..], [Mismatch::ColorOutliers { found: 1, max_steps: 2, .. }]),
-                "{}: pixel {pixel}, channel {channel}: {found:?}",
-                case.id()
-            );
+            for (pixel, channel) in [(0, 0), (last / 2, 1), (last, 2), (last / 3, 3)] {
+                let mut changed = golden.clone();
+                let byte = &mut colors(&mut changed)[pixel][channel];
+                *byte = moved(*byte, 2);
+                let found = compare(&golden, &changed, &case.tolerance()).mismatches;
+                assert!(
+                    matches!(found[..], [Mismatch::ColorOutliers { found: 1, max_steps: 2, .. }]),
+                    "{}: pixel {pixel}, channel {channel}: {found:?}",
+                    case.id()
+                );
+            }
         }
     }
 }
