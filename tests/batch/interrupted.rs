@@ -25,7 +25,7 @@ fn start(archive: &Archive, shard: &str) -> Child {
 #[test]
 fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
     let archive = Archive::of_phantoms(5);
-    ok(&archive.plan(&["--views", "turntable:40"]));
+    ok(&archive.plan(&["--views", "turntable:16"]));
     ok(&archive.run_into("reference", &[]));
     let mut workers = ["0/4", "1/4", "2/4", "3/4"].map(|shard| start(&archive, shard));
     let started = Instant::now();
@@ -41,11 +41,11 @@ fn killed_workers_leave_whole_pictures_and_the_rest_for_the_next_run() {
     }
     let half = pictures(&archive.path("out"));
     let reference = pictures(&archive.path("reference"));
-    assert_eq!(reference.len(), 200);
+    assert_eq!(reference.len(), 80);
     assert!(half.iter().all(|(name, bytes)| reference[name] == *bytes), "a picture was left half written");
     let rest = ok(&archive.run(&[]));
-    assert_eq!(rest["done"].as_u64().unwrap() + rest["skipped"].as_u64().unwrap(), 200);
-    assert!(pictures(&archive.path("out")) == reference, "200 jobs, none lost, none twice");
+    assert_eq!(rest["done"].as_u64().unwrap() + rest["skipped"].as_u64().unwrap(), 80);
+    assert!(pictures(&archive.path("out")) == reference, "80 jobs, none lost, none twice");
     let left = files(&archive.path("out"));
     let temporary: Vec<_> = left.keys().filter(|name| name.contains(".relief-")).collect();
     // Three were killed, each with a writer for every core, and four at most.

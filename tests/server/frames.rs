@@ -5,7 +5,7 @@ use relief_render::{RenderRequest, SceneFile};
 use relief_volume::Orbit;
 use serde_json::{Value, json};
 
-use crate::server::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depth};
+use crate::server::stage::{Answer, SPHERE_MM, Stage, cube, sphere_depths};
 
 const SCENE: &str =
     "preset=bone&layout=rgbd&size_px=32,24&azimuth_deg=40&elevation_deg=10&depth_range=volume";
@@ -18,11 +18,7 @@ fn scene_request() -> RenderRequest {
 }
 
 fn expected_depth() -> Vec<f32> {
-    let request = scene_request();
-    (0..24)
-        .flat_map(|row| (0..32).map(move |column| [column, row]))
-        .map(|p| sphere_depth(&request, p))
-        .collect()
+    sphere_depths(&scene_request())
 }
 
 fn png(answer: &Answer) -> Frame {
@@ -259,7 +255,7 @@ async fn a_pick_is_the_patient_position_under_the_pixel() {
     let found = stage.get(&stage.path(&format!("pick?u=18.5&v=10&{SCENE}"))).await.json();
     assert_eq!((&found["hit"], &found["pixel"]), (&json!(true), &json!([18, 10])));
     let request = scene_request();
-    let depth = f64::from(sphere_depth(&request, [18, 10]));
+    let depth = f64::from(sphere_depths(&request)[10 * 32 + 18]);
     assert!((found["depth_mm"].as_f64().unwrap() - depth).abs() < 1e-4);
     let at: Vec<f64> = found["patient_mm"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
     let point = relief_base::Point::new(at[0], at[1], at[2]);

@@ -72,7 +72,7 @@ async fn two_frames_are_on_their_way_and_no_more() {
     let (mut mover, _) = running.hello(json!({ "view": "v" })).await;
     let (mut lazy, _) = running.hello(json!({ "view": "v", "role": "watcher" })).await;
     let mut newest = [0.0; 3];
-    for seq in 1..=10u32 {
+    for seq in 1..=4u32 {
         mover.send(&orbit(seq.into(), seq.into())).await;
         newest = mover.still(seq.into()).await.header.eye_mm;
     }
@@ -101,7 +101,7 @@ async fn a_stalled_client_holds_two_frames_and_delays_no_other() {
         stalled.push(client); // never read from
     }
     let mut received = 2; // at the most, before
-    for seq in 1..=30u32 {
+    for seq in 1..=12u32 {
         mover.send(&orbit(seq.into(), seq.into())).await;
         loop {
             let frame = mover.frame().await;
@@ -118,7 +118,7 @@ async fn a_stalled_client_holds_two_frames_and_delays_no_other() {
         sent <= f64::from(received) + 2.0 + 5.0 * 2.0,
         "{sent} sent, {received} received by the one who reads"
     );
-    assert!(received >= 30);
+    assert!(received >= 12);
 }
 
 /// Invariant: The newest pose wins, no intent is lost, and continuous motion does not starve

@@ -53,6 +53,10 @@ impl Running {
         Self::on(Stage::annotated_sphere().await).await
     }
 
+    pub(crate) async fn annotated_fine_sphere() -> Self {
+        Self::on(Stage::annotated_fine_sphere().await).await
+    }
+
     /// One of several servers of a log.
     pub(crate) async fn following(place: &str) -> Self {
         Self::on(Stage::following(place).await).await

@@ -121,9 +121,7 @@ impl RenderBackend for SphereBackend {
 
 /// Red where the sphere is, with its exact view depth; black and without depth elsewhere.
 fn sphere(request: &RenderRequest) -> RenderedFrame {
-    let [width, height] = request.size_px;
-    let pixels = (0..height).flat_map(|row| (0..width).map(move |column| [column, row]));
-    let depth_mm: Vec<f32> = pixels.map(|pixel| sphere_depth(request, pixel)).collect();
+    let depth_mm = sphere_depths(request);
     let distance = request.camera.distance_mm();
     RenderedFrame {
         size_px: request.size_px,
@@ -141,22 +139,34 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
     }
 }
 
-/// View depth of the first point of the sphere on a pixel's ray, mm; of a plane in parallel
-/// projections.
-pub(crate) fn sphere_depth(request: &RenderRequest, [column, row]: [u32; 2]) -> f32 {
+/// View depth of the first point of the sphere on each pixel's ray, row by row, mm; of the plane
+/// through the focal point in parallel projections, which show slices.
+pub(crate) fn sphere_depths(request: &RenderRequest) -> Vec<f32> {
     let camera = &request.camera;
+    let ([width, height], distance) = (request.size_px, camera.distance_mm());
+    let count = width as usize * height as usize;
     if let Projection::Orthographic { .. } = camera.projection() {
-        return camera.distance_mm() as f32; // the plane through the focal point: a slice
+        return vec![distance as f32; count];
     }
     let [half_x, half_y] = camera.half_extent(request.size_px);
-    let [width, height] = request.size_px.map(f64::from);
     let [shift_x, shift_y] = camera.lens_shift();
-    let x = ((f64::from(column) + 0.5) / width * 2.0 - 1.0) * half_x + shift_x;
-    let y = (1.0 - (f64::from(row) + 0.5) / height * 2.0) * half_y + shift_y;
-    // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
-    let (a, distance) = (x * x + y * y + 1.0, camera.distance_mm());
-    let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);
-    if discriminant < 0.0 { f32::INFINITY } else { ((distance - discriminant.sqrt()) / a) as f32 }
+    let mut depths = Vec::with_capacity(count);
+    for row in 0..height {
+        let y = (1.0 - (f64::from(row) + 0.5) / f64::from(height) * 2.0) * half_y + shift_y;
+        for column in 0..width {
+            let x = ((f64::from(column) + 0.5) / f64::from(width) * 2.0 - 1.0) * half_x + shift_x;
+            // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
+            let a = x * x + y * y + 1.0;
+            let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);
+            let depth = if discriminant < 0.0 {
+                f32::INFINITY
+            } else {
+                ((distance - discriminant.sqrt()) / a) as f32
+            };
+            depths.push(depth);
+        }
+    }
+    depths
 }
 
 /// A server with one volume and its gate.
@@ -211,17 +221,23 @@ impl Stage {
     }
 
     pub(crate) async fn annotated_with(config: Config) -> Self {
+        Self::annotated_on(config, cube()).await
+    }
+
+    async fn annotated_on(config: Config, volume: Volume) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let place = folder.path().join("log.db");
-        Self { _folder: Some(folder), ..Self::annotated_at(place.to_str().unwrap(), config, cube()).await }
+        Self { _folder: Some(folder), ..Self::annotated_at(place.to_str().unwrap(), config, volume).await }
     }
 
     /// As [`Stage::annotated`], with a volume in which there is the sphere that the backend shows.
     pub(crate) async fn annotated_sphere() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let place = folder.path().join("log.db");
-        let stage = Self::annotated_at(place.to_str().unwrap(), Config::default(), ball()).await;
-        Self { _folder: Some(folder), ..stage }
+        Self::annotated_on(Config::default(), ball(44, 1.5)).await
+    }
+
+    /// As [`Stage::annotated_sphere`], in the finest voxels that the largest search radius allows.
+    pub(crate) async fn annotated_fine_sphere() -> Self {
+        Self::annotated_on(Config::default(), ball(164, 0.25)).await
     }
 
     /// A server with one volume and a log of annotations, which receives notifications of other
@@ -322,16 +338,15 @@ pub(crate) fn cube() -> Volume {
     Volume::new(grid, (0..64).collect()).unwrap()
 }
 
-/// A ball of 300 HU and the backend's radius in air, in voxels of 1.5 mm around the patient origin;
-/// its edge is 2 mm wide.
-fn ball() -> Volume {
-    let (count, mm) = (44u32, 1.5);
+/// A ball of 300 HU and the backend's radius in air, in `count`³ voxels of `mm` around the patient
+/// origin; its edge is about 2 mm wide, and steepest at the radius.
+fn ball(count: u32, mm: f64) -> Volume {
     let first = -f64::from(count - 1) / 2.0 * mm;
     let grid = Grid::axis_aligned([count as usize; 3], [mm; 3], [first; 3]).unwrap();
     let hu = (0..count.pow(3)).map(|at| {
         let place = [at % count, at / count % count, at / count.pow(2)].map(|i| f64::from(i) * mm + first);
         let depth = SPHERE_MM - place.iter().map(|x| x * x).sum::<f64>().sqrt();
-        (-350.0 + 1300.0 * (depth / 2.0).clamp(-0.5, 0.5)).round() as i16
+        (-350.0 + 650.0 * depth.tanh()).round() as i16
     });
     Volume::new(grid, hu.collect()).unwrap()
 }

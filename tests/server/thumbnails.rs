@@ -56,8 +56,13 @@ async fn listed_presets_say_what_a_request_would() {
     let listed = stage.get("/v1/presets").await.json();
     for preset in listed["presets"].as_array().unwrap() {
         let pick = |key: &str| preset[key].clone();
-        let spelt = json!({ "mode": pick("mode"), "transfer": pick("transfer"), "shading": pick("shading") });
-        let named = json!({ "transfer": pick("name") });
+        let mut spelt =
+            json!({ "mode": pick("mode"), "transfer": pick("transfer"), "shading": pick("shading") });
+        let mut named = json!({ "transfer": pick("name") });
+        for scene in [&mut spelt, &mut named] {
+            scene["size_px"] = json!([64, 48]);
+            scene["display"] = json!({ "layout": "color" });
+        }
         let [spelt, named] = [spelt, named].map(|scene| scene.to_string());
         let spelt = stage.post(&stage.path("frame"), "application/json", spelt).await;
         let named = stage.post(&stage.path("frame"), "application/json", named).await;
