@@ -155,9 +155,10 @@ def enhanced():
     write("enhanced_ct.facts.json", {"quirks/eCT_Supplemental.dcm": {"frames_facts": frames}})
 
 
-for name in ["catphan504-cbct", "totalseg-abdomen-j2k"]:
-    series(name)
-enhanced()
-small_abdomen()
-files_of_others()
-quirks()
+if __name__ == "__main__":
+    for name in ["catphan504-cbct", "totalseg-abdomen-j2k"]:
+        series(name)
+    enhanced()
+    small_abdomen()
+    files_of_others()
+    quirks()

@@ -32,7 +32,9 @@ fn damaged_files_are_read_or_refused() {
         .unwrap();
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     if std::fs::read_dir(seeds.join("codecs")).unwrap().next().is_none() {
-        eprintln!("UNAVAILABLE: damaged compressed slices (the shared data are not there)");
+        eprintln!(
+            "UNAVAILABLE: damaged compressed slices (neither ../shared/data nor the samples of scripts/setup-samples are there)"
+        );
     }
     let mut victim = Command::new(std::env::current_exe().unwrap());
     victim.args(["--exact", "hostile::mutated::reading_damaged_files", "--ignored", "--nocapture"]);
