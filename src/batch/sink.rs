@@ -48,7 +48,10 @@ impl Sink {
 
     /// As [`Sink::put`], of bytes whose hash is known.
     #[cfg_attr(not(feature = "buckets"), expect(unused_variables, reason = "folders keep no hashes"))]
-    #[cfg_attr(not(feature = "buckets"), expect(clippy::needless_pass_by_value, reason = "buckets keep them"))]
+    #[cfg_attr(
+        not(feature = "buckets"),
+        expect(clippy::needless_pass_by_value, reason = "buckets keep them")
+    )]
     pub(super) fn put_written(
         &self,
         name: &str,
@@ -64,7 +67,10 @@ impl Sink {
 
     /// Writes an output unless there is one already; whether it did. In a folder the last one to
     /// come wins instead.
-    #[cfg_attr(not(feature = "buckets"), expect(clippy::needless_pass_by_value, reason = "buckets keep them"))]
+    #[cfg_attr(
+        not(feature = "buckets"),
+        expect(clippy::needless_pass_by_value, reason = "buckets keep them")
+    )]
     pub(super) fn put_new(&self, name: &str, bytes: Bytes) -> std::io::Result<bool> {
         match self {
             Self::Folder(folder) => put_in(folder, name, &bytes).map(|()| true),

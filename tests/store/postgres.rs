@@ -4,7 +4,7 @@
 //! those on the path.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use relief_store::{Store, StoreError};
@@ -89,7 +89,8 @@ async fn acknowledged_edits_survive_a_crash(server: &mut Server) {
     let store = server.store("crash").await;
     for round in 0..3 {
         let (writing, is_over) = (store.clone(), Arc::new(AtomicBool::new(false)));
-        let over = Arc::clone(&is_over);
+        let (over, written) = (Arc::clone(&is_over), Arc::new(AtomicUsize::new(0)));
+        let count = Arc::clone(&written);
         let writer = tokio::spawn(async move {
             let mut acknowledged = Vec::new();
             // Between two edits a crash may pass unnoticed: the next one waits for the new server.
@@ -99,14 +100,17 @@ async fn acknowledged_edits_survive_a_crash(server: &mut Server) {
                     Ok(_) => acknowledged.push(item.id),
                     Err(_) => break,
                 }
+                count.fetch_add(1, Ordering::Relaxed);
             }
             acknowledged
         });
-        tokio::time::sleep(Duration::from_millis(300)).await;
+        while written.load(Ordering::Relaxed) < 10 && !writer.is_finished() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
         server.crash().await;
         is_over.store(true, Ordering::Relaxed);
         let acknowledged = writer.await.unwrap();
-        assert!(!acknowledged.is_empty());
+        assert!(acknowledged.len() >= 10, "{} edits before the crash", acknowledged.len());
         for id in acknowledged {
             store.item(id).await.unwrap();
         }
