@@ -168,7 +168,35 @@ fn lps_from_voxel(lines: &Lines, has_layers: bool) -> Result<LpsFromVoxel, Forma
     let &[x, y, z] = axes.as_slice() else {
         return Err(FormatError::header("space directions", text, "three vectors"));
     };
+    let lps = lps * mm_per_unit(lines)?;
     Ok(Transform::from_axes(x * lps, y * lps, z * lps, origin * lps))
+}
+
+/// Millimetres of the unit of each axis of space: quoted texts; without any, or empty, mm.
+fn mm_per_unit(lines: &Lines) -> Result<DVec3, FormatError> {
+    let Some(text) = lines.field("space units") else { return Ok(DVec3::ONE) };
+    let allowed = "three of \"mm\", \"um\", \"nm\", \"cm\", \"m\", or their names";
+    let refused = || FormatError::header("space units", text, allowed);
+    let mm = |unit: &str| {
+        Some(match unit.trim().to_lowercase().as_str() {
+            "" | "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => 1.0,
+            "um" | "\u{b5}m" | "\u{3bc}m" | "micron" | "microns" | "micrometer" | "micrometers"
+            | "micrometre" | "micrometres" => 1e-3,
+            "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => 1e-6,
+            "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => 10.0,
+            "m" | "meter" | "meters" | "metre" | "metres" => 1000.0,
+            _ => return None,
+        })
+    };
+    // Every second part lies between quotes.
+    let parts: Vec<&str> = text.split('"').collect();
+    let units: Option<Vec<f64>> = match parts.as_slice() {
+        [_] => text.split_whitespace().map(mm).collect(),
+        parts => parts.iter().skip(1).step_by(2).map(|unit| mm(unit)).collect(),
+    };
+    let units = units.ok_or_else(refused)?;
+    let &[x, y, z] = units.as_slice() else { return Err(refused()) };
+    Ok(DVec3::new(x, y, z))
 }
 
 /// Vectors as `(x,y,z)`, and `none`.
