@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::batches;
 use super::error::{Defect, Error, Reasons};
+use super::grouping;
 use super::header::{self, FrameHeader, Rejection};
 use super::series::{self, SeriesEntry};
 use super::source::{self, FileSource};
@@ -97,7 +98,7 @@ pub fn discover_within(
     }
     let mut discovery = Discovery { path: path.to_owned(), files: files.len(), series: Vec::new(), skipped };
     discovery.check(strictness)?;
-    discovery.series = series::group(frames, budget);
+    discovery.series = grouping::group(frames, budget);
     Ok(discovery)
 }
 
@@ -200,5 +201,13 @@ pub(super) fn header_warnings(frames: &[FrameHeader]) -> Vec<Warning> {
         |frame| frame.file.lossy,
         "LossyImageCompression (0028,2110): found 01; HU are those of the compressed images",
     );
-    [rescale, guessed, lossy].into_iter().flatten().collect()
+    let values = frames.iter().find_map(|frame| Some((frame, frame.file.other_values.as_ref()?)));
+    let values = values.map(|(frame, found)| {
+        let message = format!(
+            "RescaleType (0028,1054): found {found:.40?}, expected HU; the numbers were kept as they are, and presets and \
+             windows in HU do not suit them; first: {frame}"
+        );
+        Warning::new(WarningCode::OtherValues, message)
+    });
+    [rescale, values, guessed, lossy].into_iter().flatten().collect()
 }

@@ -79,7 +79,9 @@ pub enum Error {
     /// Many slices lie at the same positions: several images of one region under one series UID.
     #[error(
         "{duplicates} of {slices} slices share a position with another one (ImagePositionPatient (0020,0032)); \
-         expected one slice per position. First: {first} and {second}"
+         expected one slice per position. They may be phases, but no attribute gives each phase one slice per position \
+         (TemporalPositionIdentifier (0020,0100), AcquisitionNumber (0020,0012), TriggerTime (0018,1060), AcquisitionTime \
+         (0008,0032), ContentTime (0008,0033)). First: {first} and {second}"
     )]
     Ambiguous {
         /// Slices whose position another slice has already.

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use glam::DVec3;
+use sha2::{Digest, Sha256};
 
 use super::attributes::{
     BETWEEN, BITS_ALLOCATED, BITS_STORED, COLUMNS, FRAMES, HIGH_BIT, INTERCEPT, ORIENTATION, PADDING,
@@ -20,6 +21,7 @@ use super::attributes::{
     text, unsigned,
 };
 use super::dataset::{Bounds, DataSet, PixelElement, Retention};
+use super::distinctions::Distinctions;
 use super::error::Defect;
 use super::file_bytes::Bytes;
 use super::groups::Groups;
@@ -37,7 +39,8 @@ pub(super) struct FileHeader {
     pub(super) instance_uid: String,
     /// Empty when absent.
     pub(super) frame_of_reference_uid: String,
-    pub(super) acquisition: String,
+    /// Distinguishes patients without naming them.
+    pub(super) patient: PatientKey,
     pub(super) modality: String,
     pub(super) sop_class: String,
     pub(super) syntax: Syntax,
@@ -48,6 +51,8 @@ pub(super) struct FileHeader {
     /// Extended Offset Table (7FE0,0001), 64-bit little-endian offsets; empty when absent.
     pub(super) extended_offsets: Vec<u8>,
     pub(super) missing_rescale: bool,
+    /// RescaleType (0028,1054) where it is not HU.
+    pub(super) other_values: Option<String>,
     pub(super) lossy: bool,
 }
 
@@ -74,6 +79,24 @@ pub(super) struct FrameHeader {
     /// SliceThickness, or else SpacingBetweenSlices; both optional, mm.
     pub(super) thickness_mm: Option<f64>,
     pub(super) rescale: Rescale,
+    pub(super) distinctions: Arc<Distinctions>,
+}
+
+/// A digest of the identity of a patient: PatientID (0010,0020) and its issuer, or, without an ID,
+/// name and birth date.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct PatientKey([u8; 32]);
+
+impl PatientKey {
+    fn of(data: &DataSet) -> Self {
+        let id = text(data, tags::PATIENT_ID);
+        let parts = if id.is_empty() {
+            [text(data, tags::PATIENT_NAME), text(data, tags::PATIENT_BIRTH_DATE)]
+        } else {
+            [id, text(data, tags::ISSUER_OF_PATIENT_ID)]
+        };
+        Self(Sha256::digest(parts.join("\\")).into())
+    }
 }
 
 impl std::fmt::Display for FrameHeader {
@@ -130,7 +153,10 @@ fn keep(tag: Tag) -> Retention {
         | tags::PLANE_ORIENTATION_SEQUENCE
         | tags::PIXEL_MEASURES_SEQUENCE
         | tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE
-        | tags::CT_IMAGE_FRAME_TYPE_SEQUENCE => Retention::Items,
+        | tags::CT_IMAGE_FRAME_TYPE_SEQUENCE
+        | tags::CT_RECONSTRUCTION_SEQUENCE
+        | tags::CTX_RAY_DETAILS_SEQUENCE
+        | tags::FRAME_CONTENT_SEQUENCE => Retention::Items,
         tags::IMAGE_TYPE
         | tags::FRAME_TYPE
         | tags::SOP_CLASS_UID
@@ -139,7 +165,21 @@ fn keep(tag: Tag) -> Retention {
         | tags::SERIES_INSTANCE_UID
         | tags::FRAME_OF_REFERENCE_UID
         | tags::MODALITY
+        | tags::PATIENT_ID
+        | tags::ISSUER_OF_PATIENT_ID
+        | tags::PATIENT_NAME
+        | tags::PATIENT_BIRTH_DATE
+        | tags::CONVOLUTION_KERNEL
+        | tags::KVP
+        | tags::STACK_ID
+        | tags::TEMPORAL_POSITION_IDENTIFIER
+        | tags::TEMPORAL_POSITION_INDEX
         | tags::ACQUISITION_NUMBER
+        | tags::FRAME_ACQUISITION_NUMBER
+        | tags::TRIGGER_TIME
+        | tags::ACQUISITION_TIME
+        | tags::CONTENT_TIME
+        | tags::SERIES_DESCRIPTION
         | tags::SLICE_THICKNESS
         | tags::SPACING_BETWEEN_SLICES
         | tags::IMAGE_POSITION_PATIENT
@@ -157,6 +197,7 @@ fn keep(tag: Tag) -> Retention {
         | tags::PIXEL_PADDING_VALUE
         | tags::RESCALE_INTERCEPT
         | tags::RESCALE_SLOPE
+        | tags::RESCALE_TYPE
         | tags::LOSSY_IMAGE_COMPRESSION
         | tags::EXTENDED_OFFSET_TABLE => Retention::Value,
         _ => Retention::Nothing,
@@ -200,20 +241,27 @@ fn read_from(source: &FileSource, bytes: Bytes, budget: &Budget) -> Result<Vec<F
         series_uid: text(&walked.data, tags::SERIES_INSTANCE_UID),
         instance_uid: text(&walked.data, tags::SOP_INSTANCE_UID),
         frame_of_reference_uid: text(&walked.data, tags::FRAME_OF_REFERENCE_UID),
-        acquisition: text(&walked.data, tags::ACQUISITION_NUMBER),
+        patient: PatientKey::of(&walked.data),
         modality: text(&walked.data, tags::MODALITY),
         sop_class: text(&walked.data, tags::SOP_CLASS_UID),
         pixels,
         memory_bytes: source.memory_bytes() + object.inflated_bytes(),
         extended_offsets: extended_offsets(&walked.data, frames),
         missing_rescale: rescales.iter().any(Option::is_none),
+        other_values: (0..frames).find_map(|frame| other_values(&groups, frame)),
         lossy: text(&walked.data, tags::LOSSY_IMAGE_COMPRESSION) == "01",
         syntax: object.syntax,
         layout,
     };
     budget.keep(file.kept_bytes()).map_err(Defect::from)?;
     let file = Arc::new(file);
-    (0..frames).zip(rescales).map(|(index, rescale)| frame(&file, &groups, index, rescale)).collect()
+    let mut found = Vec::with_capacity(frames as usize);
+    for (index, rescale) in (0..frames).zip(rescales) {
+        let distinctions = Distinctions::of(&groups, index);
+        budget.keep(distinctions.bytes()).map_err(Defect::from)?;
+        found.push(frame(&file, &groups, index, rescale, distinctions)?);
+    }
+    Ok(found)
 }
 
 /// The Extended Offset Table, of one frame nothing: it has an entry of eight bytes for each.
@@ -231,7 +279,6 @@ impl FileHeader {
             &self.series_uid,
             &self.instance_uid,
             &self.frame_of_reference_uid,
-            &self.acquisition,
             &self.modality,
             &self.sop_class,
         ];
@@ -245,6 +292,7 @@ fn frame(
     groups: &Groups<'_>,
     index: u32,
     rescale: Option<Rescale>,
+    distinctions: Distinctions,
 ) -> Result<FrameHeader, Rejection> {
     let frame_type =
         text(groups.find(index, tags::CT_IMAGE_FRAME_TYPE_SEQUENCE, tags::FRAME_TYPE), tags::FRAME_TYPE);
@@ -264,6 +312,7 @@ fn frame(
         spacing_mm: [between_columns, between_rows],
         thickness_mm: positive(measures, THICKNESS).or_else(|| positive(measures, BETWEEN)),
         rescale: rescale.unwrap_or_default(),
+        distinctions: Arc::new(distinctions),
     })
 }
 
@@ -379,6 +428,12 @@ fn rescale(groups: &Groups<'_>, frame: u32, layout: &PixelLayout) -> Result<Opti
     let [intercept] = numbers(intercepts, INTERCEPT, "a number")?;
     check(slope != 0.0, SLOPE, &slope, "a number other than 0")?;
     Ok(Some(padding_hu(Rescale { slope, intercept, padding: None })))
+}
+
+/// The type of the values of a frame, unless it is HU or absent (PS3.3 C.11.1.1.2).
+fn other_values(groups: &Groups<'_>, frame: u32) -> Option<String> {
+    let found = text(groups.transformation(frame, tags::RESCALE_TYPE), tags::RESCALE_TYPE);
+    (!found.is_empty() && found != "HU").then_some(found)
 }
 
 /// PixelPaddingValue as a stored value; its sign follows PixelRepresentation.

@@ -13,11 +13,11 @@ use super::error::Error;
 use super::header::FrameHeader;
 use super::warnings::{Warning, WarningCode};
 
-/// Slices nearer than this to each other along the normal are at the same position, mm.
-const SAME_POSITION_MM: f64 = 0.01;
-/// Positions are written rounded; deviations from an even grid below this, or below 2 % of the
-/// spacing, are noise.
-const EVEN_TOLERANCE_MM: f64 = 0.01;
+/// Positions are written rounded: to this, mm, or to a tenth of a pixel where pixels are smaller
+/// than 0.1 mm.
+const ROUNDING_MM: f64 = 0.01;
+const ROUNDING_PIXELS: f64 = 0.1;
+/// Deviations from an even grid below the rounding, or below 2 % of the spacing, are noise.
 const EVEN_TOLERANCE: f64 = 0.02;
 /// In-plane shifts below this fraction of a pixel over the whole stack are noise.
 const SHIFT_TOLERANCE_PIXELS: f64 = 0.1;
@@ -46,16 +46,23 @@ pub(super) struct Deviation {
     pub(super) uneven_mm: Option<f64>,
 }
 
+/// Slices nearer than this to each other along the normal are at the same position, mm.
+pub(super) fn rounding_mm(spacing_mm: [f64; 2]) -> f64 {
+    let [x, y] = spacing_mm;
+    ROUNDING_MM.min(ROUNDING_PIXELS * x.min(y))
+}
+
 /// Indices of slices whose position an earlier one (along the normal) has, with the index of that
 /// one.
 pub(super) fn duplicates(frames: &[FrameHeader]) -> Vec<(usize, usize)> {
     let order = order(frames);
     let normal = normal(&frames[0]);
     let height = |index: usize| frames[index].position.dot(normal);
+    let same_position_mm = rounding_mm(frames[0].spacing_mm);
     let mut duplicates = Vec::new();
     let mut kept = order[0];
     for &index in &order[1..] {
-        if height(index) - height(kept) < SAME_POSITION_MM {
+        if height(index) - height(kept) < same_position_mm {
             duplicates.push((index, kept));
         } else {
             kept = index;
@@ -64,13 +71,18 @@ pub(super) fn duplicates(frames: &[FrameHeader]) -> Vec<(usize, usize)> {
     duplicates
 }
 
+/// Whether this number of repeated positions means several images of one region, not single copies.
+pub(super) fn are_many(duplicates: usize, slices: usize) -> bool {
+    duplicates * 4 > slices
+}
+
 /// Orders slices along the normal and leaves out those whose position is taken.
 ///
 /// # Errors
 /// When too many positions repeat, because the slices are several images of one region.
 pub(super) fn arrange(frames: &[FrameHeader]) -> Result<(Vec<FrameHeader>, Vec<Warning>), Error> {
     let duplicates = duplicates(frames);
-    if duplicates.len() * 4 > frames.len()
+    if are_many(duplicates.len(), frames.len())
         && let Some(&(index, kept)) = duplicates.first()
     {
         let (first, second) = (frames[kept].to_string(), frames[index].to_string());
@@ -101,7 +113,7 @@ fn order(frames: &[FrameHeader]) -> Vec<usize> {
     order
 }
 
-fn normal(frame: &FrameHeader) -> DVec3 {
+pub(super) fn normal(frame: &FrameHeader) -> DVec3 {
     frame.row.cross(frame.column)
 }
 
@@ -147,7 +159,7 @@ impl Stack {
         let pixel = DVec2::from(self.spacing_mm);
         let shifted =
             self.shifts_mm.iter().map(|shift| (*shift / pixel).abs().max_element()).fold(0.0, f64::max);
-        let noise = EVEN_TOLERANCE_MM.max(gap * EVEN_TOLERANCE);
+        let noise = rounding_mm(self.spacing_mm).max(gap * EVEN_TOLERANCE);
         Deviation {
             tilt_deg: (shifted > SHIFT_TOLERANCE_PIXELS).then(|| self.tilt_deg()),
             uneven_mm: (uneven > noise).then_some(uneven),

@@ -21,6 +21,8 @@ pub enum WarningCode {
     UnevenSpacing,
     /// A slice lies where another one does; it was left out.
     DuplicatePosition,
+    /// Slices of one stack differ in derivation, kernel, energy or thickness.
+    MixedSlices,
     /// The same image was found twice; one was left out.
     DuplicateFile,
     /// A file could not be used.
@@ -29,6 +31,8 @@ pub enum WarningCode {
     SingleSlice,
     /// Slope and intercept are absent; stored values were taken as HU.
     MissingRescale,
+    /// Values are not in HU, but were read as numbers of HU.
+    OtherValues,
     /// Values beyond 16 bits were clipped.
     ClippedValues,
     /// The file does not declare its encoding; it was guessed.

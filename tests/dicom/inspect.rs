@@ -55,7 +55,7 @@ fn warnings_have_codes_and_messages() {
     let report = json(&inspect(&folder, &["--json"]));
     let warnings = report["series"][0]["warnings"].as_array().unwrap();
     let codes: Vec<&str> = warnings.iter().map(|warning| warning["code"].as_str().unwrap()).collect();
-    assert_eq!(codes, ["gantry-tilt", "uneven-spacing"]);
+    assert_eq!(codes, ["mixed-slices", "mixed-slices", "gantry-tilt", "uneven-spacing"]);
     let table = String::from_utf8(inspect(&folder, &[]).stdout).unwrap();
     for warning in warnings {
         assert!(table.contains(warning["message"].as_str().unwrap()), "{table}");

@@ -39,6 +39,15 @@ pub(crate) fn slice_at(z: f64, instance: usize) -> Vec<u8> {
     })
 }
 
+/// [`slice_at`] with other texts in these attributes.
+pub(crate) fn slice_with(z: f64, instance: usize, texts: &[(Tag, VR, &str)]) -> Vec<u8> {
+    edited(&slice_at(z, instance), |object| {
+        for (tag, vr, text) in texts {
+            put(object, *tag, *vr, *text);
+        }
+    })
+}
+
 /// The slice as RLE Lossless (PS3.5 annex G): high bytes, then low bytes, in runs of literals.
 pub(crate) fn rle_slice() -> Vec<u8> {
     let cells: Vec<[u8; 2]> = stored().into_iter().map(i16::to_le_bytes).collect();

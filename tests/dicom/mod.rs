@@ -7,3 +7,4 @@ mod made;
 mod malformed;
 mod quirks;
 mod series;
+mod sharing;

@@ -116,7 +116,8 @@ fn enhanced_ct_is_placed_by_its_functional_groups() {
     let Some(data) = shared_data("enhanced CT", &["enhanced_ct.facts.json"]) else { return };
     let expected = &facts(&data, "enhanced_ct.facts.json")["quirks/eCT_Supplemental.dcm"]["frames_facts"];
     let loaded = load(&data.join("quirks/eCT_Supplemental.dcm")).unwrap();
-    assert_eq!(loaded.warnings, []);
+    // Its RescaleType is US, "unspecified".
+    assert_eq!(codes(&loaded), [WarningCode::OtherValues]);
     let grid = loaded.volume.grid();
     let spacing = [0.388_672, 0.388_672, 10.0];
     assert!(grid.spacing_mm().iter().zip(spacing).all(|(found, mm)| (found - mm).abs() < 1e-6));

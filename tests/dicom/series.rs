@@ -199,7 +199,9 @@ fn bone_of_a_tilted_uneven_head_stays_where_the_slices_have_it() {
     let name = "head-ge-varspacing-tilt";
     let Some((loaded, facts)) = load_with_facts(name) else { return };
     let codes: Vec<WarningCode> = loaded.warnings.iter().map(|warning| warning.code).collect();
-    assert_eq!(codes, [WarningCode::GantryTilt, WarningCode::UnevenSpacing]);
+    // Slices of 4 mm, then slices of 7 mm that the scanner added up.
+    let mixed = WarningCode::MixedSlices;
+    assert_eq!(codes, [mixed, mixed, WarningCode::GantryTilt, WarningCode::UnevenSpacing]);
     let folder = unpacked(name, name, &[]).unwrap();
     let (row, column) =
         (point(&facts["geometry"]["row_dir_lps(x axis)"]), point(&facts["geometry"]["col_dir_lps(y axis)"]));

@@ -75,6 +75,8 @@ struct SeriesReport {
     hu_range: [i16; 2],
     stack_sha256: String,
     transfer_syntax: String,
+    /// What distinguishes its slices from others of the same SeriesInstanceUID.
+    differs: Vec<String>,
     warnings: Vec<Warning>,
 }
 
@@ -158,6 +160,7 @@ impl SeriesReport {
             hu_range: [low, high],
             stack_sha256: HEXLOWER.encode(&loaded.stack_sha256()),
             transfer_syntax: entry.transfer_syntax(),
+            differs: entry.differs().to_vec(),
             warnings: loaded.warnings.clone(),
         }
     }
@@ -193,6 +196,9 @@ fn print_series(series: &SeriesReport) {
     say!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
     say!("  stack SHA-256   {}", series.stack_sha256);
     say!("  transfer syntax {}", printable(&series.transfer_syntax));
+    for differs in &series.differs {
+        say!("  stack           {}", printable(differs));
+    }
     for warning in &series.warnings {
         say!("  warning         {}", printable(&warning.message));
     }

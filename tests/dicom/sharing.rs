@@ -1,0 +1,192 @@
+//! Slices that may share a volume: a scan, and a second one of the same SeriesInstanceUID that differs
+//! in one attribute. Truth: PS3.3 C.7 (patient, study, frame of reference), C.8.2 and C.8.15 (CT images).
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::fs;
+use std::path::Path;
+
+use dicom_core::{Tag, VR};
+use dicom_dictionary_std::tags;
+use relief_dicom::{Discovery, Error, Strictness, Warning, WarningCode};
+
+use super::made::slice_with;
+
+/// Slices of a scan.
+const SLICES: usize = 8;
+/// Their distance, mm.
+const GAP_MM: f64 = 2.0;
+
+type Texts<'a> = [(Tag, VR, &'a str)];
+
+/// Writes the slices of a scan whose first one is at `z`.
+fn write(folder: &Path, scan: usize, z: f64, texts: impl Fn(usize) -> Vec<(Tag, VR, String)>) {
+    for k in 0..SLICES {
+        let texts = texts(k);
+        let texts: Vec<_> = texts.iter().map(|(tag, vr, text)| (*tag, *vr, text.as_str())).collect();
+        let slice = slice_with(z + GAP_MM * k as f64, 100 * scan + k, &texts);
+        fs::write(folder.join(format!("{scan}-{k:02}.dcm")), slice).unwrap();
+    }
+}
+
+/// A scan, and a second one at `z` with these texts.
+fn two(z: f64, first: &Texts<'_>, second: &Texts<'_>) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (scan, z, texts) in [(1, 0.0, first), (2, z, second)] {
+        write(folder.path(), scan, z, |_| {
+            texts.iter().map(|(tag, vr, text)| (*tag, *vr, (*text).to_owned())).collect()
+        });
+    }
+    folder
+}
+
+fn discover(folder: &Path) -> Discovery {
+    relief_dicom::discover(folder, Strictness::Lenient, &|_| ()).unwrap()
+}
+
+/// Slices of each series.
+fn counts(folder: &Path) -> Vec<usize> {
+    discover(folder).series.iter().map(|series| series.dims()[2]).collect()
+}
+
+fn load(folder: &Path) -> Result<(usize, Vec<Warning>), Error> {
+    let found = discover(folder);
+    let loaded = relief_dicom::load(found.select(None)?, Strictness::Lenient, &|_| ())?;
+    Ok((loaded.volume.grid().dims()[2], loaded.warnings))
+}
+
+/// Heights of a second scan: behind the first one, half a slice beside it, and at its positions.
+const PLACES_MM: [f64; 3] = [GAP_MM * SLICES as f64, GAP_MM / 2.0, 0.0];
+
+/// Invariant: Slices of different patients, studies or frames of reference never share a volume.
+#[test]
+fn patients_studies_and_frames_of_reference_never_share_a_volume() {
+    for (tag, vr) in [
+        (tags::PATIENT_ID, VR::LO),
+        (tags::ISSUER_OF_PATIENT_ID, VR::LO),
+        (tags::STUDY_INSTANCE_UID, VR::UI),
+        (tags::FRAME_OF_REFERENCE_UID, VR::UI),
+    ] {
+        for z in PLACES_MM {
+            for uid in ["", "1.2.3"] {
+                let uid = (tags::SERIES_INSTANCE_UID, VR::UI, uid);
+                let folder = two(z, &[uid, (tag, vr, "1.2.8")], &[uid, (tag, vr, "1.2.9")]);
+                assert_eq!(counts(folder.path()), [SLICES; 2], "{tag} {z} {uid:?}");
+                let message = load(folder.path()).unwrap_err().to_string();
+                assert!(!message.contains("1.2.8") && !message.contains("1.2.9"), "{message}");
+                assert!(message.contains("#1") && message.contains("#2"), "{message}");
+            }
+        }
+    }
+    // Where there is no PatientID.
+    let id = (tags::PATIENT_ID, VR::LO, "");
+    let [first, second] =
+        ["One^Patient", "Another^Patient"].map(|name| [id, (tags::PATIENT_NAME, VR::PN, name)]);
+    let folder = two(GAP_MM / 2.0, &first, &second);
+    assert_eq!(counts(folder.path()), [SLICES; 2]);
+    let message = load(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("patient 1") && !message.contains("Another"), "{message}");
+}
+
+#[test]
+fn one_instance_uid_of_two_patients_is_no_copy() {
+    let patient = |id| [(tags::PATIENT_ID, VR::LO, id), (tags::SOP_INSTANCE_UID, VR::UI, "1.2.3.4")];
+    let folder = two(0.0, &patient("a"), &patient("b"));
+    assert_eq!(counts(folder.path()), [SLICES; 2]);
+}
+
+#[test]
+fn images_of_other_kinds_do_not_lie_between_each_other() {
+    for (tag, vr, first, second) in [
+        (tags::IMAGE_TYPE, VR::CS, "ORIGINAL\\PRIMARY\\AXIAL", "DERIVED\\SECONDARY\\AXIAL\\MIP"),
+        (tags::CONVOLUTION_KERNEL, VR::SH, "B30s", "B70s"),
+        (tags::KVP, VR::DS, "120", "140"),
+        (tags::SLICE_THICKNESS, VR::DS, "2", "5"),
+    ] {
+        let scans = |z| two(z, &[(tag, vr, first)], &[(tag, vr, second)]);
+        for z in [GAP_MM / 2.0, 0.0, GAP_MM * 5.5] {
+            assert_eq!(counts(scans(z).path()), [SLICES; 2], "{tag} {z}");
+        }
+        // One behind the other they are one stack, with a warning.
+        let folder = scans(GAP_MM * SLICES as f64);
+        let (slices, warnings) = load(folder.path()).unwrap();
+        let codes: Vec<WarningCode> = warnings.iter().map(|warning| warning.code).collect();
+        assert_eq!((slices, codes), (2 * SLICES, vec![WarningCode::MixedSlices]), "{tag}");
+        assert!(warnings[0].message.contains(&format!("8 have {first:?}")), "{}", warnings[0].message);
+    }
+    // One number in two spellings.
+    let folder = two(GAP_MM / 2.0, &[(tags::KVP, VR::DS, "120")], &[(tags::KVP, VR::DS, "120.0")]);
+    assert_eq!(counts(folder.path()), [2 * SLICES]);
+}
+
+#[test]
+fn passes_over_one_region_are_separate() {
+    for tag in [tags::ACQUISITION_NUMBER, tags::TEMPORAL_POSITION_IDENTIFIER] {
+        let scans = |z| two(z, &[(tag, VR::IS, "1")], &[(tag, VR::IS, "2")]);
+        for z in [GAP_MM / 2.0, 0.0, GAP_MM * 3.5] {
+            assert_eq!(counts(scans(z).path()), [SLICES; 2], "{tag} {z}");
+        }
+        assert_eq!(load(scans(GAP_MM * SLICES as f64).path()).unwrap(), (2 * SLICES, vec![]));
+    }
+}
+
+#[test]
+fn rotations_that_meet_are_one_stack() {
+    let folder = tempfile::tempdir().unwrap();
+    let acquisition = |number: usize| vec![(tags::ACQUISITION_NUMBER, VR::IS, number.to_string())];
+    write(folder.path(), 1, 0.0, |k| acquisition(k / 4));
+    assert_eq!(load(folder.path()).unwrap(), (SLICES, vec![]));
+    // A slice of one rotation at the place of a slice of the other.
+    let copy = slice_with(GAP_MM * 3.0, 999, &[(tags::ACQUISITION_NUMBER, VR::IS, "1")]);
+    fs::write(folder.path().join("copy.dcm"), copy).unwrap();
+    let (slices, warnings) = load(folder.path()).unwrap();
+    assert_eq!((slices, warnings.len()), (SLICES, 1));
+    assert_eq!(warnings[0].code, WarningCode::DuplicatePosition);
+}
+
+#[test]
+fn phases_are_separated_by_the_attribute_that_counts_them() {
+    for (tag, vr, first, second) in [
+        (tags::TEMPORAL_POSITION_IDENTIFIER, VR::IS, "1", "2"),
+        (tags::ACQUISITION_NUMBER, VR::IS, "1", "2"),
+        (tags::TRIGGER_TIME, VR::DS, "0", "400.5"),
+        (tags::ACQUISITION_TIME, VR::TM, "120000", "120001"),
+        (tags::CONTENT_TIME, VR::TM, "120000", "120001"),
+        (tags::SERIES_DESCRIPTION, VR::LO, "Resp 0%", "Resp 50%"),
+    ] {
+        let folder = two(0.0, &[(tag, vr, first)], &[(tag, vr, second)]);
+        assert_eq!(counts(folder.path()), [SLICES; 2], "{tag}");
+        let found = discover(folder.path());
+        assert!(!found.series[1].summary().contains("Resp"), "{}", found.series[1].summary());
+    }
+}
+
+#[test]
+fn phases_with_a_time_for_each_slice_are_separated_by_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    for phase in 0..3 {
+        let time = |k: usize| vec![(tags::ACQUISITION_TIME, VR::TM, format!("0900{:02}.5", 10 * phase + k))];
+        write(folder.path(), phase, 0.0, time);
+    }
+    assert_eq!(counts(folder.path()), [SLICES; 3]);
+    // Times that do not separate them.
+    let folder = tempfile::tempdir().unwrap();
+    for phase in 0..3 {
+        let time = |k: usize| vec![(tags::ACQUISITION_TIME, VR::TM, format!("0900{:02}", phase + k))];
+        write(folder.path(), phase, 0.0, time);
+    }
+    let message = load(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("may be phases"), "{message}");
+}
+
+#[test]
+fn ten_phases_are_in_the_order_of_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    for phase in 1..=10 {
+        write(folder.path(), phase, 0.0, |_| vec![(tags::ACQUISITION_NUMBER, VR::IS, phase.to_string())]);
+    }
+    let found = discover(folder.path());
+    for (index, series) in found.series.iter().enumerate() {
+        let summary = series.summary();
+        assert!(summary.ends_with(&format!("AcquisitionNumber (0020,0012) \"{}\"", index + 1)), "{summary}");
+    }
+}
