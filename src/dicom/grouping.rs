@@ -207,10 +207,11 @@ fn values(frames: &[FrameHeader], of: Distinction) -> Vec<(&str, Vec<usize>)> {
 
 fn by_value(group: Group, of: Distinction) -> Vec<Group> {
     let parts = values(&group.frames, of).into_iter().enumerate().map(|(index, (value, frames))| {
-        // A description may name a patient, and clocks are of no help.
-        let value = match of {
-            Distinction::Description => format!("number {}", index + 1),
-            _ => format!("{value:.40?}"),
+        // A description may name a patient, and times help to identify one.
+        let value = if of == Distinction::Description || of.is_time() {
+            format!("number {}", index + 1)
+        } else {
+            format!("{value:.40?}")
         };
         let frames = frames.into_iter().map(|frame| group.frames[frame].clone()).collect();
         (format!("{} {value}", of.attribute()), frames)
@@ -226,27 +227,26 @@ fn overlap(group: &Group, of: Distinction) -> usize {
         return 0;
     }
     let heights = group.heights_mm();
-    let mut ranges: Vec<(Vec<f64>, f64, f64)> = values
-        .into_iter()
-        .map(|(_, frames)| {
-            let own: Vec<f64> = frames.into_iter().map(|frame| heights[frame]).collect();
-            let low = own.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = own.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            (own, low, high)
-        })
-        .collect();
-    ranges.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let sorted = |(_, frames): (&str, Vec<usize>)| {
+        let mut own: Vec<f64> = frames.into_iter().map(|frame| heights[frame]).collect();
+        own.sort_by(f64::total_cmp);
+        own
+    };
+    let mut ranges: Vec<Vec<f64>> = values.into_iter().map(sorted).collect();
+    ranges.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let margin = stack::rounding_mm(group.frames[0].spacing_mm);
+    let inside = |heights: &[f64], range: &[f64]| {
+        let (low, high) = (range[0] + margin, range[range.len() - 1] - margin);
+        let before_high = heights.partition_point(|&height| height < high);
+        before_high.saturating_sub(heights.partition_point(|&height| height <= low))
+    };
     let mut most = 0;
     // Where any ranges overlap, the one that reaches farthest so far overlaps the next.
     let mut farthest = 0;
     for next in 1..ranges.len() {
-        let ((a, a_low, a_high), (b, b_low, b_high)) = (&ranges[farthest], &ranges[next]);
-        let inside = |heights: &[f64], low: f64, high: f64| {
-            let margin = stack::rounding_mm(group.frames[0].spacing_mm);
-            heights.iter().filter(|&&height| height > low + margin && height < high - margin).count()
-        };
-        most = most.max(inside(a, *b_low, *b_high)).max(inside(b, *a_low, *a_high));
-        if b_high > a_high {
+        let (a, b) = (&ranges[farthest], &ranges[next]);
+        most = most.max(inside(a, b)).max(inside(b, a));
+        if b[b.len() - 1] > a[a.len() - 1] {
             farthest = next;
         }
     }
@@ -299,10 +299,11 @@ fn by_phase(group: Group) -> Vec<Group> {
 /// The frames of each object, where each object of several frames is a phase.
 fn by_file(group: &Group, repeats: usize) -> Option<Vec<Vec<FrameHeader>>> {
     let mut objects: Vec<Vec<FrameHeader>> = Vec::new();
+    let mut places = HashMap::new();
     for frame in &group.frames {
-        match objects.iter().position(|object| Arc::ptr_eq(&object[0].file, &frame.file)) {
-            Some(object) => objects[object].push(frame.clone()),
-            None if objects.len() == repeats => return None,
+        let place = *places.entry(Arc::as_ptr(&frame.file)).or_insert(objects.len());
+        match objects.get_mut(place) {
+            Some(object) => object.push(frame.clone()),
             None => objects.push(vec![frame.clone()]),
         }
     }
