@@ -2,9 +2,12 @@
 
 use super::*;
 
+/// Frames of a short film.
+const FEW: usize = 3;
+
 /// A still film with the noise of a lossy codec in it.
-fn plain_film(ffmpeg: &str, folder: &Path) -> PathBuf {
-    for number in 0..8 {
+fn plain_film(ffmpeg: &str, folder: &Path, frames: usize) -> PathBuf {
+    for number in 0..frames {
         saved(folder, &format!("{number:02}.png"), &picture([320, 180], 90));
     }
     let film = folder.join("plain.mp4");
@@ -22,22 +25,22 @@ fn frames_of_a_film_decode_with_their_headers() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let film = plain_film(&ffmpeg, folder.path());
+    let film = plain_film(&ffmpeg, folder.path(), FEW);
     for (codec, name) in [("h264", "out.mkv"), ("h264", "out.mp4"), ("ffv1", "archive.mkv")] {
         let out = folder.path().join(name);
         let options = ["--codec", codec, "--ffmpeg", &ffmpeg, "--json"];
         let convert = ["convert", text(&film), "--estimate-depth", "--out", text(&out)];
         let report: serde_json::Value =
             serde_json::from_str(&ok(&relief(&[&convert[..], &options].concat()))).unwrap();
-        assert_eq!((&report["frames"], &report["checked"]), (&8.into(), &true.into()), "{report}");
+        assert_eq!((&report["frames"], &report["checked"]), (&FEW.into(), &true.into()), "{report}");
         let inspected_film = ok(&relief(&["inspect", text(&out), "--ffmpeg", &ffmpeg, "--json"]));
         let film: serde_json::Value = serde_json::from_str(&inspected_film).unwrap();
-        assert_eq!((&film["frames"], &film["layout"]), (&8.into(), &"wowvx".into()), "{film}");
+        assert_eq!((&film["frames"], &film["layout"]), (&FEW.into(), &"wowvx".into()), "{film}");
         assert_eq!((&film["bad"], &film["different"]), (&0.into(), &0.into()), "{film}");
         let decoded = folder.path().join(format!("{codec}-{name}.%02d.png"));
         let decode = ["-loglevel", "error", "-i", text(&out), text(&decoded)];
         assert!(Command::new(&ffmpeg).args(decode).status().unwrap().success());
-        for number in 1..=8 {
+        for number in 1..=FEW {
             let report = inspected(&folder.path().join(format!("{codec}-{name}.{number:02}.png")));
             assert_eq!(report["problems"].as_array().map(Vec::len), Some(0), "{codec} {number}: {report}");
             assert_eq!(report["content"], "movie");
@@ -52,7 +55,7 @@ fn a_film_whose_codec_destroyed_the_headers_is_reported_frame_by_frame() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let (film, out) = (plain_film(&ffmpeg, folder.path()), folder.path().join("out.mkv"));
+    let (film, out) = (plain_film(&ffmpeg, folder.path(), FEW), folder.path().join("out.mkv"));
     let convert = ["convert", text(&film), "--estimate-depth", "--ffmpeg", &ffmpeg, "--out", text(&out)];
     ok(&relief(&convert));
     let lossy = folder.path().join("lossy.mp4");
@@ -62,7 +65,7 @@ fn a_film_whose_codec_destroyed_the_headers_is_reported_frame_by_frame() {
     let inspected = relief(&["inspect", text(&lossy), "--ffmpeg", &ffmpeg]);
     let report = String::from_utf8(inspected.stdout.clone()).unwrap();
     assert_eq!(inspected.status.code(), Some(1), "{report}");
-    assert!(report.contains("problems  8 frames") && report.contains("frame 8: "), "{report}");
+    assert!(report.contains("problems  3 frames") && report.contains("frame 3: "), "{report}");
     let cut = folder.path().join("cut.mkv");
     std::fs::write(&cut, &std::fs::read(&out).unwrap()[..100]).unwrap();
     let refused = relief(&["inspect", text(&cut), "--ffmpeg", &ffmpeg]);
@@ -76,11 +79,11 @@ fn a_folder_and_a_film_go_into_each_other() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let film = plain_film(&ffmpeg, folder.path());
+    let film = plain_film(&ffmpeg, folder.path(), FEW);
     let frames = folder.path().join("frames");
     let convert = ["convert", text(&film), "--estimate-depth", "--layout", "rgbd", "--ffmpeg", &ffmpeg];
     ok(&relief(&[&convert[..], &["--out", text(&frames)]].concat()));
-    assert_eq!(std::fs::read_dir(&frames).unwrap().count(), 8);
+    assert_eq!(std::fs::read_dir(&frames).unwrap().count(), FEW);
     let back = folder.path().join("back.mkv");
     let convert = ["convert", text(&frames), "--estimate-depth", "--layout", "rgbd", "--ffmpeg", &ffmpeg];
     ok(&relief(&[&convert[..], &["--fps", "12", "--out", text(&back)]].concat()));
@@ -102,7 +105,7 @@ fn a_still_film_flickers_less_than_its_pictures_one_by_one() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let film = plain_film(&ffmpeg, folder.path());
+    let film = plain_film(&ffmpeg, folder.path(), 8);
     let noisy = folder.path().join("noisy");
     std::fs::create_dir(&noisy).unwrap();
     let noise = ["-loglevel", "error", "-i", text(&film), "-vf", "noise=alls=12:allf=t"];
