@@ -81,7 +81,7 @@ fn lines_bytes_and_keys_are_named() {
         "accessors[1]: found SCALAR of 5125, expected VEC3",
     );
     says(MeshFormat::Glb, changed("\"buffer\":0", "\"buffer\":1"), "bufferView: found none in the file");
-    says(MeshFormat::Glb, changed("\"mode\":4", "\"mode\":1"), "found no triangle");
+    says(MeshFormat::Glb, changed("\"mode\":4", "\"mode\":1"), "found only points and lines");
     says(MeshFormat::Glb, changed("\"nodes\":[0]", "\"nodes\":0  "), "invalid type");
     says(MeshFormat::Glb, b"{\"asset\":{}}....", "byte 0");
     says(MeshFormat::Glb, &glb[..60], "byte 20: found the end");

@@ -1,6 +1,8 @@
 //! Parts that readers of mesh files share: the axes that a file states, and the form of its
 //! triangles.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use crate::mesh::TriangleMesh;
@@ -50,11 +52,32 @@ pub(super) fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
     polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]])
 }
 
-/// Removes triangles with two equal vertices, with a warning.
-pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, warnings: &mut Vec<String>) {
-    let before = triangles.len();
-    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
-    if triangles.len() < before {
-        warnings.push(format!("{} triangles without area are left out", before - triangles.len()));
+impl ReadMesh {
+    /// Merges vertices at one place, which many programs repeat for each face, and removes
+    /// triangles with two equal vertices, with a warning. Otherwise a closed surface would have no
+    /// volume.
+    pub(super) fn weld(&mut self) {
+        let mesh = &mut self.mesh;
+        let mut known = HashMap::with_capacity(mesh.vertices.len());
+        let mut kept = Vec::with_capacity(mesh.vertices.len());
+        let mut merged = Vec::with_capacity(mesh.vertices.len());
+        for vertex in &mesh.vertices {
+            // Adding zero turns -0 into 0.
+            let key = (vertex.xyz + 0.0).to_array().map(f64::to_bits);
+            merged.push(*known.entry(key).or_insert_with(|| {
+                kept.push(*vertex);
+                kept.len() as u32 - 1
+            }));
+        }
+        mesh.vertices = kept;
+        for corner in mesh.triangles.iter_mut().flatten() {
+            *corner = merged[*corner as usize];
+        }
+        let before = mesh.triangles.len();
+        mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        if mesh.triangles.len() < before {
+            let message = format!("{} triangles without area are left out", before - mesh.triangles.len());
+            self.warnings.push(message);
+        }
     }
 }

@@ -7,7 +7,7 @@
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
-use super::content::{ReadMesh, drop_degenerate};
+use super::content::ReadMesh;
 use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::Bytes;
 use crate::mesh::TriangleMesh;
@@ -73,6 +73,7 @@ struct Document {
     meshes: Vec<Mesh>,
     accessors: Vec<Accessor>,
     buffer_views: Vec<View>,
+    buffers: Vec<Buffer>,
     extensions_required: Vec<String>,
 }
 
@@ -117,6 +118,11 @@ struct Accessor {
     #[serde(rename = "type")]
     kind: String,
     sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Buffer {
+    uri: Option<serde::de::IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -170,16 +176,59 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
         let found = document.extensions_required.join(", ");
         return Err(refuse("extensionsRequired", found, "a file without required extensions"));
     }
+    if document.buffers.iter().any(|buffer| buffer.uri.is_some()) {
+        let expected = "one buffer in the file itself (export as a single .glb)";
+        return Err(refuse("buffers", "a buffer in another file", expected));
+    }
     let mut reader =
         Reader { document: &document, buffer, most: bytes.len(), mesh: TriangleMesh::default(), left_out: 0 };
     reader.scene()?;
-    let Reader { mut mesh, left_out, .. } = reader;
+    let Reader { mesh, left_out, .. } = reader;
     let mut warnings = Vec::new();
     if left_out > 0 {
-        warnings.push(format!("{left_out} parts that are no triangles are left out"));
+        if mesh.triangles.is_empty() {
+            return Err(refuse("meshes", "only points and lines", "triangles, strips or fans of them"));
+        }
+        warnings.push(format!("{left_out} parts that are points or lines are left out"));
     }
-    drop_degenerate(&mut mesh.triangles, &mut warnings);
     Ok(ReadMesh { mesh, warnings })
+}
+
+/// How corners become triangles: modes 4 to 6 of glTF.
+#[derive(Clone, Copy)]
+enum TriangleOrder {
+    Each,
+    Strip,
+    Fan,
+}
+
+impl TriangleOrder {
+    const fn of_mode(mode: u32) -> Option<Self> {
+        match mode {
+            4 => Some(Self::Each),
+            5 => Some(Self::Strip),
+            6 => Some(Self::Fan),
+            _ => None,
+        }
+    }
+
+    fn triangles(self, corners: &[f64]) -> Vec<[f64; 3]> {
+        match self {
+            Self::Each => corners.as_chunks().0.to_vec(),
+            // Every second triangle of a strip is turned.
+            Self::Strip => corners
+                .array_windows()
+                .enumerate()
+                .map(|(n, &[a, b, c])| if n % 2 == 0 { [a, b, c] } else { [b, a, c] })
+                .collect(),
+            Self::Fan => corners
+                .get(1..)
+                .unwrap_or_default()
+                .array_windows()
+                .map(|&[b, c]| [corners[0], b, c])
+                .collect(),
+        }
+    }
 }
 
 struct Reader<'a> {
@@ -226,8 +275,8 @@ impl Reader<'_> {
     }
 
     fn primitive(&mut self, primitive: &Primitive, key: &str, own: DAffine3) -> Result<(), MeshFileError> {
-        let position = primitive.attributes.get("POSITION").filter(|_| primitive.mode.unwrap_or(4) == 4);
-        let Some(&position) = position else {
+        let order = TriangleOrder::of_mode(primitive.mode.unwrap_or(4));
+        let (Some(&position), Some(order)) = (primitive.attributes.get("POSITION"), order) else {
             self.left_out += 1;
             return Ok(());
         };
@@ -237,7 +286,8 @@ impl Reader<'_> {
             Some(indices) => self.values(indices, "SCALAR", &[5121, 5123, 5125])?,
             None => (0..places.len() / 3).map(|n| n as f64).collect(),
         };
-        let [vertices, triangles] = [first + places.len() / 3, self.mesh.triangles.len() + corners.len() / 3];
+        let corners = order.triangles(&corners);
+        let [vertices, triangles] = [first + places.len() / 3, self.mesh.triangles.len() + corners.len()];
         if vertices > self.most || triangles > self.most {
             return Err(refuse(
                 key,
@@ -254,7 +304,7 @@ impl Reader<'_> {
             self.mesh.vertices.push(Point::from_xyz(place));
         }
         let is_mirrored = own.matrix3.determinant() < 0.0;
-        for corners in corners.as_chunks::<3>().0 {
+        for corners in &corners {
             if let Some(found) = corners.iter().find(|corner| **corner >= (places.len() / 3) as f64) {
                 return Err(refuse(
                     key,

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
-use super::content::{Axes, ReadMesh, drop_degenerate, fan};
+use super::content::{Axes, ReadMesh, fan};
 use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
-use super::source::{lines, number};
+use super::source::{continued_lines, number};
 use crate::mesh::TriangleMesh;
 
 const FORMAT: MeshFormat = MeshFormat::Obj;
@@ -33,7 +33,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let (mut axes, mut left_out) = (Axes::default(), 0usize);
     // Faces may name corners that come later in the file.
     let mut farthest = (0u32, 0usize);
-    for (line, text) in lines(bytes) {
+    for (line, text) in continued_lines(bytes) {
         let mut words = text.split_ascii_whitespace();
         match words.next() {
             Some("v") => {
@@ -74,7 +74,6 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     if left_out > 0 {
         warnings.push(format!("{left_out} lines that are no corners or faces are passed over"));
     }
-    drop_degenerate(&mut triangles, &mut warnings);
     warnings.extend(axes.warning());
     let vertices = places.into_iter().map(|place| axes.place(place)).collect();
     Ok(ReadMesh { mesh: TriangleMesh { vertices, triangles }, warnings })

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::content::{Axes, ReadMesh, drop_degenerate, fan};
+use super::content::{Axes, ReadMesh, fan};
 use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::{Bytes, lines};
 use crate::mesh::TriangleMesh;
@@ -119,9 +119,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
         }
     };
     let mut mesh = TriangleMesh::default();
-    let corners =
-        header.elements.iter().filter(|element| element.name == "vertex").map(|element| element.count);
-    let corners = corners.sum::<u64>();
+    let vertices =
+        header.elements.iter().filter(|element| element.name == "vertex" && !element.properties.is_empty());
+    let corners = vertices.map(|element| element.count).sum::<u64>();
     for element in &header.elements {
         // Without properties it has no values, however many it claims.
         for _ in 0..if element.properties.is_empty() { 0 } else { element.count } {
@@ -132,10 +132,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
             }
         }
     }
-    let mut warnings = Vec::new();
-    drop_degenerate(&mut mesh.triangles, &mut warnings);
-    warnings.extend(header.axes.warning());
-    Ok(ReadMesh { mesh, warnings })
+    Ok(ReadMesh { mesh, warnings: header.axes.warning().into_iter().collect() })
 }
 
 fn read_header(bytes: &[u8]) -> Result<Header, MeshFileError> {

@@ -49,6 +49,22 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, std::borrow::C
     (1..).zip(lines.map(|line| String::from_utf8_lossy(line.trim_ascii())))
 }
 
+/// As [`lines`]; a line that ends with a backslash goes on in the next one, and has the number of the
+/// first.
+pub(super) fn continued_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, std::borrow::Cow<'_, str>)> {
+    let mut lines = lines(bytes);
+    std::iter::from_fn(move || {
+        let (number, mut text) = lines.next()?;
+        while let Some(begun) = text.strip_suffix('\\') {
+            let begun = format!("{begun} ");
+            text = begun.into();
+            let Some((_, rest)) = lines.next() else { break };
+            text.to_mut().push_str(&rest);
+        }
+        Some((number, text))
+    })
+}
+
 /// A finite number.
 pub(super) fn number(format: MeshFormat, line: usize, word: Option<&str>) -> Result<f64, MeshFileError> {
     let found = word.unwrap_or("the end of the line");

@@ -1,11 +1,8 @@
-//! STL: binary, and ASCII when read. Its triangles share no vertices, so equal positions are
-//! merged.
-
-use std::collections::HashMap;
+//! STL: binary, and ASCII when read. Its triangles share no vertices.
 
 use glam::DVec3;
 
-use super::content::{Axes, ReadMesh, drop_degenerate};
+use super::content::{Axes, ReadMesh};
 use super::format::{MeshFileError, MeshFilePlace, MeshFormat};
 use super::source::{Bytes, lines, number};
 use crate::mesh::TriangleMesh;
@@ -37,32 +34,26 @@ pub(super) fn read(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let count = bytes.get(HEADER..HEADER + 4).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
     let size = count.map(|count| HEADER as u64 + 4 + TRIANGLE as u64 * u64::from(count));
     // Binary files of some programs begin with `solid` too: the size decides.
-    let is_text = bytes.trim_ascii_start().starts_with(b"solid") && size != Some(bytes.len() as u64);
+    let begins = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_text = begins && size != Some(bytes.len() as u64);
     if is_text { read_text(bytes) } else { read_binary(bytes) }
 }
 
-/// Corners by their place.
+/// A mesh without shared corners, as it is read.
 #[derive(Default)]
 struct Corners {
     mesh: TriangleMesh,
-    known: HashMap<[u64; 3], u32>,
     axes: Axes,
     warnings: Vec<String>,
 }
 
 impl Corners {
     fn corner(&mut self, xyz: DVec3) -> u32 {
-        let next = self.mesh.vertices.len() as u32;
-        // Adding zero turns -0 into 0.
-        let key = (xyz + 0.0).to_array().map(f64::to_bits);
-        *self.known.entry(key).or_insert_with(|| {
-            self.mesh.vertices.push(self.axes.place(xyz));
-            next
-        })
+        self.mesh.vertices.push(self.axes.place(xyz));
+        self.mesh.vertices.len() as u32 - 1
     }
 
     fn finish(mut self) -> ReadMesh {
-        drop_degenerate(&mut self.mesh.triangles, &mut self.warnings);
         self.warnings.extend(self.axes.warning());
         ReadMesh { mesh: self.mesh, warnings: self.warnings }
     }
@@ -112,13 +103,16 @@ fn read_binary(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
 
 fn read_text(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
     let mut corners = Corners::default();
-    let mut triangle = Vec::new();
+    let (mut triangle, mut is_open) = (Vec::new(), false);
     for (line, text) in lines(bytes) {
         let mut words = text.split_ascii_whitespace();
         let refuse =
             |expected: &str| Err(MeshFileError::new(FORMAT, MeshFilePlace::Line(line), &text, expected));
         match words.next().map(str::to_ascii_lowercase).as_deref() {
-            Some("solid") => corners.axes.read(&text),
+            Some("solid") => {
+                corners.axes.read(&text);
+                is_open = true;
+            }
             Some("vertex") => {
                 let mut xyz = [0.0; 3];
                 for x in &mut xyz {
@@ -132,12 +126,14 @@ fn read_text(bytes: &[u8]) -> Result<ReadMesh, MeshFileError> {
                 triangle.clear();
             }
             Some("facet") if !triangle.is_empty() => return refuse("endfacet before the next facet"),
-            None | Some("facet" | "outer" | "endloop" | "endsolid" | "end") => {}
+            Some("endsolid" | "end") => is_open = false,
+            None | Some("facet" | "outer" | "endloop") => {}
             Some(_) => return refuse("solid, facet, outer loop, vertex, endloop, endfacet or endsolid"),
         }
     }
-    if !triangle.is_empty() {
-        return Err(MeshFileError::new(FORMAT, MeshFilePlace::Byte(bytes.len()), "the end", "endfacet"));
+    let expected = if triangle.is_empty() { "endsolid: the file is cut short" } else { "endfacet" };
+    if is_open || !triangle.is_empty() {
+        return Err(MeshFileError::new(FORMAT, MeshFilePlace::Byte(bytes.len()), "the end", expected));
     }
     Ok(corners.finish())
 }
