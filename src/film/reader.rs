@@ -41,7 +41,7 @@ impl FilmReader {
     pub fn open(ffmpeg: &Ffmpeg, path: &Path) -> Result<Self, FilmError> {
         let (size_px, rate) = probe(ffmpeg, path)?;
         let mut command = ffmpeg.command();
-        command.arg("-noautorotate").arg("-i").arg(path).args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
+        command.arg("-i").arg(path).args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
         command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
         let report = Some(report_of(child.stderr.take())?);
@@ -98,14 +98,7 @@ impl Drop for FilmReader {
 /// (the format of mjpegtools: `YUV4MPEG2 W960 H540 F25:1 ...`).
 fn probe(ffmpeg: &Ffmpeg, path: &Path) -> Result<([u32; 2], FrameRate), FilmError> {
     let mut command = ffmpeg.command();
-    command.arg("-noautorotate").arg("-i").arg(path).args([
-        "-map",
-        "0:v:0",
-        "-frames:v",
-        "1",
-        "-strict",
-        "-1",
-    ]);
+    command.arg("-i").arg(path).args(["-map", "0:v:0", "-frames:v", "1", "-strict", "-1"]);
     command.args(["-f", "yuv4mpegpipe", "-pix_fmt", "yuv444p", "-"]);
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let report = report_of(child.stderr.take())?;

@@ -133,6 +133,23 @@ fn a_still_film_flickers_less_than_its_pictures_one_by_one() {
 }
 
 #[test]
+fn a_film_is_turned_as_its_container_says() {
+    let Some(ffmpeg) = ffmpeg() else {
+        eprintln!("SKIPPED: films that are turned (there is no ffmpeg)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let film = plain_film(&ffmpeg, folder.path(), 1);
+    let (turned, out) = (folder.path().join("turned.mp4"), folder.path().join("frames"));
+    let copy = ["-loglevel", "error", "-display_rotation", "90", "-i", text(&film), "-c", "copy"];
+    assert!(Command::new(&ffmpeg).args(copy).arg(&turned).status().unwrap().success());
+    let convert = ["convert", text(&turned), "--estimate-depth", "--layout", "rgbd", "--ffmpeg", &ffmpeg];
+    ok(&relief(&[&convert[..], &["--out", text(&out)]].concat()));
+    let frame = std::fs::read_dir(&out).unwrap().next().unwrap().unwrap().path();
+    assert_eq!(image::open(frame).unwrap().into_rgb8().dimensions(), (2 * 180, 320));
+}
+
+#[test]
 fn without_ffmpeg_the_error_says_how_to_install_it() {
     let folder = tempfile::tempdir().unwrap();
     let film = folder.path().join("film.mp4");

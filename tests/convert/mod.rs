@@ -95,6 +95,39 @@ fn a_picture_of_other_proportions_is_fitted_and_its_margin_is_background() {
     assert_eq!(image::open(&any).unwrap().into_rgb8().dimensions(), (600, 300), "rgbd takes any size");
 }
 
+/// A JPEG with an EXIF orientation (EXIF 2.32, 4.6.4).
+fn with_orientation(jpeg: &[u8], orientation: u8) -> Vec<u8> {
+    let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+    let length = (exif.len() as u16 + 2).to_be_bytes();
+    [&jpeg[..2], &[0xff, 0xe1], &length, &exif, &jpeg[2..]].concat()
+}
+
+#[test]
+fn a_picture_is_turned_as_its_exif_says() {
+    use image::imageops::{flip_horizontal, rotate90, rotate180, rotate270};
+    let folder = tempfile::tempdir().unwrap();
+    let path = saved(folder.path(), "plain.jpg", &picture([96, 64], 30));
+    let plain = std::fs::read(&path).unwrap();
+    let stored = image::open(&path).unwrap().into_rgb8();
+    let turned = folder.path().join("turned.jpg");
+    let out = folder.path().join("frame.png");
+    for (orientation, shown) in [
+        (2, flip_horizontal(&stored)),
+        (3, rotate180(&stored)),
+        (6, rotate90(&stored)),
+        (8, rotate270(&stored)),
+    ] {
+        std::fs::write(&turned, with_orientation(&plain, orientation)).unwrap();
+        let convert = ["convert", text(&turned), "--estimate-depth", "--layout", "rgbd", "--out", text(&out)];
+        ok(&relief(&convert));
+        let frame = image::open(&out).unwrap().into_rgb8();
+        assert_eq!(frame.dimensions(), (2 * shown.width(), shown.height()), "{orientation}");
+        let color = image::imageops::crop_imm(&frame, 0, 0, shown.width(), shown.height()).to_image();
+        assert!(color == shown, "{orientation}");
+    }
+}
+
 #[test]
 fn what_cannot_be_converted_is_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();

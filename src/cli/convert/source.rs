@@ -5,7 +5,7 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
-use image::{ImageReader, Limits, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbImage};
 
 use relief_display::MAX_FRAME_SIDE_PX;
 use relief_film::{Ffmpeg, FilmReader, FrameRate};
@@ -116,6 +116,7 @@ fn is_picture(path: &Path) -> anyhow::Result<bool> {
     Ok(start == b"\x89PNG\r\n\x1a\n" || start.starts_with(b"\xff\xd8\xff"))
 }
 
+/// A picture as viewers show it: turned as its EXIF orientation says.
 fn read_picture(path: &Path) -> anyhow::Result<RgbImage> {
     let mut reader = ImageReader::new(BufReader::new(File::open(path)?)).with_guessed_format()?;
     let mut limits = Limits::default();
@@ -123,5 +124,11 @@ fn read_picture(path: &Path) -> anyhow::Result<RgbImage> {
     limits.max_image_height = Some(MAX_FRAME_SIDE_PX);
     limits.max_alloc = Some(MAX_PICTURE_BYTES);
     reader.limits(limits);
-    Ok(reader.decode()?.to_rgb8())
+    let mut decoder = reader.into_decoder()?;
+    let bytes = decoder.total_bytes();
+    ensure!(bytes <= MAX_PICTURE_BYTES, "the picture has {bytes} bytes, allowed: {MAX_PICTURE_BYTES}");
+    let orientation = decoder.orientation()?;
+    let mut picture = DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
+    Ok(picture.to_rgb8())
 }
