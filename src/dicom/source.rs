@@ -237,18 +237,27 @@ fn collect_references(directory: &Path, references: Vec<String>) -> Result<Vec<F
         if !relative.components().all(|part| matches!(part, Component::Normal(_))) {
             return Err(container(ContainerError::OutsideReference(reference)));
         }
-        let (path, label) = (find_ignoring_case(folder, &relative), relative.display().to_string());
+        let (path, label) = (find_named(folder, &relative), relative.display().to_string());
         files.push(FileSource::Disk { path, label });
         check_count(folder, files.len(), MOST_FILES, "files")?;
     }
     Ok(files)
 }
 
-/// The file as named, or, since discs are often copied by systems that change case, in lower case.
-fn find_ignoring_case(folder: &Path, relative: &Path) -> PathBuf {
+/// The file as named. Systems that copy discs change case, and put an ending or a version behind
+/// names.
+fn find_named(folder: &Path, relative: &Path) -> PathBuf {
     let exact = folder.join(relative);
     let lower = folder.join(relative.to_string_lossy().to_lowercase());
-    if !exact.exists() && lower.exists() { lower } else { exact }
+    let behind = ["", ".dcm", ".DCM", ";1"];
+    let mut names = [&exact, &lower].into_iter().flat_map(|path| {
+        behind.map(|behind| {
+            let mut name = path.clone().into_os_string();
+            name.push(behind);
+            PathBuf::from(name)
+        })
+    });
+    names.find(|path| path.exists()).unwrap_or(exact.clone())
 }
 
 fn check_count(path: &Path, count: usize, most: usize, what: &'static str) -> Result<(), Error> {

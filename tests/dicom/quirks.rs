@@ -200,25 +200,30 @@ fn a_series_with_one_odd_gap_is_resampled_and_says_how_far_off() {
 #[test]
 fn a_dicomdir_leads_to_the_files_it_names() {
     let Some(quirks) = quirks("DICOMDIR") else { return };
-    let disc = tempfile::tempdir().unwrap();
-    // The disc has its folders in lower case, as some systems copy them.
-    let folder = disc.path().join("77654033/ct2");
-    fs::create_dir_all(&folder).unwrap();
-    fs::copy(quirks.join("DICOMDIR"), disc.path().join("DICOMDIR")).unwrap();
-    for slice in fs::read_dir(quirks.join("dicomdirtests/77654033_CT2")).unwrap().map(Result::unwrap) {
-        fs::copy(slice.path(), folder.join(slice.file_name())).unwrap();
+    // Systems that copy discs put an ending or a version behind names.
+    for behind in ["", ".dcm", ".DCM", ";1"] {
+        let disc = tempfile::tempdir().unwrap();
+        // The disc has its folders in lower case, as some systems copy them.
+        let folder = disc.path().join("77654033/ct2");
+        fs::create_dir_all(&folder).unwrap();
+        fs::copy(quirks.join("DICOMDIR"), disc.path().join("DICOMDIR")).unwrap();
+        for slice in fs::read_dir(quirks.join("dicomdirtests/77654033_CT2")).unwrap().map(Result::unwrap) {
+            let mut name = slice.file_name();
+            name.push(behind);
+            fs::copy(slice.path(), folder.join(name)).unwrap();
+        }
+        fs::copy(quirks.join("CT_small.dcm"), disc.path().join("not-in-the-directory.dcm")).unwrap();
+        let found = discover(&disc.path().join("DICOMDIR"));
+        assert_eq!(found.series.len(), 1, "{behind}");
+        assert_eq!(found.series[0].dims(), [16, 16, 4], "{behind}");
+        // The other files it names were left behind.
+        assert!(
+            found.skipped.iter().all(|skipped| skipped.reason.contains("cannot be read")),
+            "{:?}",
+            found.skipped
+        );
+        assert!(found.skipped.iter().any(|skipped| skipped.file.ends_with("98892001/CT2N/6293")));
     }
-    fs::copy(quirks.join("CT_small.dcm"), disc.path().join("not-in-the-directory.dcm")).unwrap();
-    let found = discover(&disc.path().join("DICOMDIR"));
-    assert_eq!(found.series.len(), 1);
-    assert_eq!(found.series[0].dims(), [16, 16, 4]);
-    // The other files it names were left behind.
-    assert!(
-        found.skipped.iter().all(|skipped| skipped.reason.contains("cannot be read")),
-        "{:?}",
-        found.skipped
-    );
-    assert!(found.skipped.iter().any(|skipped| skipped.file.ends_with("98892001/CT2N/6293")));
 }
 
 #[test]
