@@ -48,6 +48,11 @@ pub(super) fn text(data: &DataSet, tag: Tag) -> String {
     data.text(tag).unwrap_or_default()
 }
 
+/// A value of a file for a message: its first 80 characters in quotes. (`{:.80?}` does not cut texts.)
+pub(super) fn quoted(text: &str) -> String {
+    format!("{:?}", text.chars().take(80).collect::<String>())
+}
+
 /// `N` finite decimal numbers.
 pub(super) fn numbers<const N: usize>(
     data: &DataSet,
@@ -62,7 +67,7 @@ pub(super) fn numbers<const N: usize>(
         .map(|part| part.trim().parse().ok().filter(|value: &f64| value.abs() < 1e9))
         .collect();
     let parsed = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
-    parsed.ok_or_else(|| Defect::Attribute { attribute, found: format!("{text:.80?}"), expected })
+    parsed.ok_or_else(|| Defect::Attribute { attribute, found: quoted(&text), expected })
 }
 
 /// An unsigned integer; `None` when absent.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::attributes::quoted;
 use super::batches;
 use super::error::{Defect, Error, Reasons};
 use super::grouping;
@@ -204,8 +205,9 @@ pub(super) fn header_warnings(frames: &[FrameHeader]) -> Vec<Warning> {
     let values = frames.iter().find_map(|frame| Some((frame, frame.file.other_values.as_ref()?)));
     let values = values.map(|(frame, found)| {
         let message = format!(
-            "RescaleType (0028,1054): found {found:.40?}, expected HU; the numbers were kept as they are, and presets and \
-             windows in HU do not suit them; first: {frame}"
+            "RescaleType (0028,1054): found {}, expected HU; the values were not converted, and presets and windows in HU \
+             do not suit them; first: {frame}",
+            quoted(found)
         );
         Warning::new(WarningCode::OtherValues, message)
     });

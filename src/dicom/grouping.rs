@@ -5,7 +5,7 @@
 //! | patient, study, series or frame of reference | separate: positions and people are not comparable |
 //! | SOP class, matrix size, pixel spacing, orientation, StackID | separate: no common grid |
 //! | derivation, kernel, energy, thickness | separate where their ranges along the normal overlap: between the slices of one kind lie those of another. One behind the other they are one stack, with [`WarningCode::MixedSlices`] |
-//! | temporal position, AcquisitionNumber | separate where they overlap by more than [`FEW_SLICES`]: passes of one region. Rotations of step-and-shoot scans meet, and are one stack |
+//! | temporal position, AcquisitionNumber | separate where they overlap by more than [`FEW_SLICES`]: passes of one region. Rotations of step-and-shoot scans meet, and are one stack; where they overlap, with [`WarningCode::MixedSlices`] |
 //! | nothing of these, but more than a quarter of the positions repeat | phases: separate by the first attribute that leaves each phase one slice at a position; else by their order in time |
 //!
 //! Files of one image (the same SOPInstanceUID at the same position) count once, with a warning.
@@ -13,13 +13,15 @@
 //! ([`stack::arrange`]); many are refused there.
 //!
 //! Groups of one SeriesInstanceUID have `#1`, `#2` appended to it: most slices first, phases in
-//! their order. The UID is compared as it is, so that slices without one are told apart by study.
+//! their order. The UID is compared as it is, so slices without one are
+//! distinguished by study.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::attributes::quoted;
 use super::distinctions::Distinction;
 use super::header::FrameHeader;
 use super::series::SeriesEntry;
@@ -35,8 +37,7 @@ const SPACING_TOLERANCE: f64 = 1e-3;
 /// Rotations of one pass may overlap by this number of slices.
 const FEW_SLICES: usize = 2;
 
-/// Passes have this number of slices on average; where they have fewer, AcquisitionNumber counts
-/// rotations.
+/// The least mean number of slices of a pass. Smaller groups are rotations.
 const LEAST_PASS: usize = 4;
 
 /// Attributes of images that may not lie between each other.
@@ -95,7 +96,8 @@ fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEnt
     let several = groups.len() > 1;
     let name = |index: usize| if several { format!("{uid}#{}", index + 1) } else { uid.to_owned() };
     let entry = |(index, mut group): (usize, Group)| {
-        group.warnings.extend(mixed(&group.frames));
+        let mixed = mixed(&group);
+        group.warnings.extend(mixed);
         SeriesEntry::new(name(index), group.frames, group.differs, group.warnings, budget)
     };
     groups.into_iter().enumerate().map(entry).collect()
@@ -211,7 +213,7 @@ fn by_value(group: Group, of: Distinction) -> Vec<Group> {
         let value = if of == Distinction::Description || of.is_time() {
             format!("number {}", index + 1)
         } else {
-            format!("{value:.40?}")
+            quoted(value)
         };
         let frames = frames.into_iter().map(|frame| group.frames[frame].clone()).collect();
         (format!("{} {value}", of.attribute()), frames)
@@ -350,15 +352,17 @@ fn by_order_in_time(
     })
 }
 
-/// A warning for each attribute of the images in which slices of one stack differ.
-fn mixed(frames: &[FrameHeader]) -> Vec<Warning> {
+/// A warning for each attribute of the images in which slices of one stack differ, and for passes
+/// that overlap by few slices.
+fn mixed(group: &Group) -> Vec<Warning> {
     let warning = |of: Distinction| {
-        let values = values(frames, of);
+        let values = values(&group.frames, of);
         let listed: Vec<String> =
-            values.iter().take(4).map(|(value, of)| format!("{} have {value:.40?}", of.len())).collect();
+            values.iter().take(4).map(|(value, of)| format!("{} have {}", of.len(), quoted(value))).collect();
         let more = if values.len() > 4 { ", ..." } else { "" };
         let message = format!("slices differ in {}: {}{more}", of.attribute(), listed.join(", "));
         (values.len() > 1).then(|| Warning::new(WarningCode::MixedSlices, message))
     };
-    KINDS.into_iter().filter_map(warning).collect()
+    let overlapping = PASSES.into_iter().filter(|pass| overlap(group, *pass) > 0);
+    KINDS.into_iter().chain(overlapping).filter_map(warning).collect()
 }

@@ -282,7 +282,7 @@ impl FileHeader {
             &self.modality,
             &self.sop_class,
         ];
-        let texts: usize = texts.into_iter().map(String::len).sum();
+        let texts: usize = texts.into_iter().chain(&self.other_values).map(String::len).sum();
         (size_of::<Self>() + texts + self.extended_offsets.len()) as u64
     }
 }

@@ -11,6 +11,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use glam::DVec3;
 
+use super::attributes::quoted;
 use super::charset::Charset;
 use super::dataset::{Bounds, DataSet, Retention};
 use super::whole::{self, ObjectError};
@@ -158,7 +159,7 @@ pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let modality = data.text(tags::MODALITY).unwrap_or_default();
     if modality != "RTSTRUCT" {
-        let found = format!("{modality:.16?}");
+        let found = quoted(&modality);
         return Err(whole::wrong("", "Modality", tags::MODALITY, found, "RTSTRUCT, an RT structure set"));
     }
     let charset = Charset::of(&data);
@@ -232,7 +233,7 @@ fn warnings(structures: &[Structure], orphans: usize) -> Vec<String> {
 
 fn number(item: &DataSet, path: &str, keyword: &'static str, tag: Tag) -> Result<u32, ObjectError> {
     let found = item.text(tag).unwrap_or_default();
-    found.parse().map_err(|_| whole::wrong(path, keyword, tag, format!("{found:.16?}"), "a whole number"))
+    found.parse().map_err(|_| whole::wrong(path, keyword, tag, quoted(&found), "a whole number"))
 }
 
 /// One line, as long as an item's name may be.
@@ -265,7 +266,7 @@ fn contour(item: &DataSet, path: &str) -> Result<Option<Contour>, ObjectError> {
         _ => {
             let expected = "POINT, OPEN_PLANAR, OPEN_NONPLANAR, CLOSED_PLANAR or CLOSEDPLANAR_XOR";
             let (keyword, tag) = ("ContourGeometricType", tags::CONTOUR_GEOMETRIC_TYPE);
-            return Err(whole::wrong(path, keyword, tag, format!("{kind:.20?}"), expected));
+            return Err(whole::wrong(path, keyword, tag, quoted(&kind), expected));
         }
     };
     let mut points_mm = points(item, path)?;
@@ -289,7 +290,7 @@ fn points(item: &DataSet, path: &str) -> Result<Vec<Point<Patient>>, ObjectError
     for part in text.split('\\') {
         match part.trim().parse::<f64>() {
             Ok(mm) if mm.abs() <= Item::FARTHEST_MM => numbers.push(mm),
-            _ => return Err(whole::wrong(path, keyword, tag, format!("{part:.20?}"), expected)),
+            _ => return Err(whole::wrong(path, keyword, tag, quoted(part), expected)),
         }
     }
     match numbers.as_chunks::<3>() {

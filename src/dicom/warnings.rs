@@ -21,7 +21,7 @@ pub enum WarningCode {
     UnevenSpacing,
     /// A slice lies where another one does; it was left out.
     DuplicatePosition,
-    /// Slices of one stack differ in derivation, kernel, energy or thickness.
+    /// Slices of one stack differ in derivation, kernel, energy or thickness, or passes overlap in it.
     MixedSlices,
     /// The same image was found twice; one was left out.
     DuplicateFile,
@@ -31,7 +31,7 @@ pub enum WarningCode {
     SingleSlice,
     /// Slope and intercept are absent; stored values were taken as HU.
     MissingRescale,
-    /// Values are not in HU, but were read as numbers of HU.
+    /// The values are not in HU; they were not converted.
     OtherValues,
     /// Values beyond 16 bits were clipped.
     ClippedValues,

@@ -190,3 +190,36 @@ fn ten_phases_are_in_the_order_of_their_numbers() {
         assert!(summary.ends_with(&format!("AcquisitionNumber (0020,0012) \"{}\"", index + 1)), "{summary}");
     }
 }
+
+/// Passes of fewer slices than [`SLICES`] are rotations: one stack, but not in silence.
+#[test]
+fn rotations_that_overlap_are_one_stack_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, z) in [("1", 0.0), ("2", 1.0), ("1", 2.0), ("2", 3.0), ("1", 4.0), ("2", 5.0)] {
+        let slice = slice_with(z, z as usize, &[(tags::ACQUISITION_NUMBER, VR::IS, number)]);
+        fs::write(folder.path().join(format!("{z}.dcm")), slice).unwrap();
+    }
+    let (slices, warnings) = load(folder.path()).unwrap();
+    assert_eq!((slices, warnings.len()), (6, 1), "{warnings:?}");
+    assert_eq!(warnings[0].code, WarningCode::MixedSlices);
+}
+
+/// Positions of micro-CT are nearer than the rounding of clinical ones.
+#[test]
+fn slices_of_micro_ct_are_apart() {
+    for um in [35.0, 10.0, 1.0] {
+        let mm: f64 = um / 1000.0;
+        let spacing = format!("{mm}\\{mm}");
+        let write = |left_out: Option<usize>| {
+            let folder = tempfile::tempdir().unwrap();
+            for k in (0..SLICES).filter(|k| Some(*k) != left_out) {
+                let slice = slice_with(mm * k as f64, k, &[(tags::PIXEL_SPACING, VR::DS, &spacing)]);
+                fs::write(folder.path().join(format!("{k}.dcm")), slice).unwrap();
+            }
+            load(folder.path()).unwrap()
+        };
+        assert_eq!(write(None), (SLICES, vec![]), "{um} um");
+        let (slices, warnings) = write(Some(3));
+        assert_eq!((slices, warnings[0].code), (SLICES, WarningCode::UnevenSpacing), "{um} um");
+    }
+}

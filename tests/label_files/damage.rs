@@ -98,6 +98,27 @@ fn files_that_claim_more_than_they_hold_cost_what_they_hold() {
     assert!(refused.contains("16777216 voxels, allowed: at most 8388608"), "{refused}");
 }
 
+/// Units of the axes of space (NRRD format, "space units"); the header's directions are 2.
+#[test]
+fn space_units_of_nrrd_are_obeyed() {
+    for (units, mm) in [
+        ("\"mm\" \"mm\" \"mm\"", [2.0, 2.0, 2.0]),
+        ("\"um\" \"\u{b5}m\" \"microns\"", [2e-3, 2e-3, 2e-3]),
+        ("\"cm\" \"m\" \"nm\"", [20.0, 2000.0, 2e-6]),
+        ("\"\" \"\" \"\"", [2.0, 2.0, 2.0]),
+        ("cm cm cm", [20.0, 20.0, 20.0]),
+    ] {
+        let fields = format!("{NRRD_FIELDS}space units: {units}\n");
+        let map = labels_of("units.nrrd", &nrrd(&fields, &[1; 6]))
+            .unwrap_or_else(|error| panic!("{units}: {error}"));
+        let found = map.grid().spacing_mm();
+        assert!(
+            found.iter().zip(mm).all(|(found, mm)| (found / mm - 1.0).abs() < 1e-12),
+            "{units}: {found:?}"
+        );
+    }
+}
+
 #[test]
 fn invalid_fields_are_named_with_the_allowed_values() {
     let with = |at: usize, value: &[u8]| {
@@ -134,6 +155,14 @@ fn invalid_fields_are_named_with_the_allowed_values() {
         (field("(2,0,0) (0,2,0) (0,0,2)", "(2,0,0) (0,2,0) (0,2,0)"), &["are not linearly independent"]),
         (field("type: uchar", "type: ushort"), &["endian is not there", "little, big"]),
         (field("encoding: raw", "encoding: raw\nbyte skip: -1"), &["byte skip is -1"]),
+        (
+            field("encoding: raw", "encoding: raw\nspace units: \"mm\" \"mm\" \"inch\""),
+            &["space units is", "mm"],
+        ),
+        (
+            field("encoding: raw", "encoding: raw\nspace units: \"mm\" \"mm\""),
+            &["space units is", "three of"],
+        ),
     ];
     for (bytes, parts) in cases {
         let message = labels_of("wrong", &bytes).unwrap_err();

@@ -8,6 +8,7 @@ use dicom_dictionary_std::tags;
 use glam::DVec3;
 
 use super::codes::{ANGLE, CATMULL_ROM, CONTROL_POINTS, OTHER_ANGLES, SPLINE_TYPE};
+use crate::attributes::quoted;
 use crate::reference::{Plane, SeriesReference};
 use crate::report::node::Node;
 use crate::report::node::Warnings;
@@ -211,7 +212,7 @@ impl Graphic {
             }
             _ => {
                 let expected = "POINT, MULTIPOINT, POLYLINE, POLYGON, ELLIPSE, ELLIPSOID or CIRCLE";
-                let found = format!("{:.16?}", self.kind);
+                let found = quoted(&self.kind);
                 return Err(node.wrong("GraphicType", tags::GRAPHIC_TYPE, found, expected));
             }
         };

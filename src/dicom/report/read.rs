@@ -15,6 +15,7 @@ use super::codes::{
     TRACKING_UID,
 };
 use super::graphics::{self, FramedGeometry};
+use crate::attributes::quoted;
 use crate::charset::Charset;
 use crate::dataset::{Bounds, Retention};
 use crate::object::Code;
@@ -61,7 +62,7 @@ pub fn read_report(bytes: &[u8], options: &ReportReadOptions<'_>) -> Result<Read
     let charset = Charset::of(&data);
     let root = Node { data: &data, path: String::new(), charset: &charset };
     if root.kind() != "CONTAINER" {
-        let found = format!("{:.16?}", root.kind());
+        let found = quoted(root.kind());
         let expected = "CONTAINER: the object is no structured report (SR)";
         return Err(root.wrong("ValueType", tags::VALUE_TYPE, found, expected).into());
     }
