@@ -7,7 +7,7 @@
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 
-use super::attributes::text;
+use super::charset::Charset;
 use super::dataset::DataSet;
 use super::groups::Groups;
 
@@ -136,7 +136,7 @@ fn value(data: &DataSet, tag: Tag) -> String {
     if let tags::TEMPORAL_POSITION_INDEX | tags::FRAME_ACQUISITION_NUMBER = tag {
         return data.unsigned(tag).ok().flatten().map(|number| number.to_string()).unwrap_or_default();
     }
-    let found = text(data, tag);
+    let found = Charset::of(data).text(data, tag).unwrap_or_default();
     match found.parse::<f64>() {
         Ok(number) if number.is_finite() => number.to_string(),
         _ => found,

@@ -20,6 +20,7 @@ use super::attributes::{
     POSITION, REPRESENTATION, ROWS, SAMPLES, SLOPE, SPACING, THICKNESS, check, numbers, positive, required,
     text, unsigned,
 };
+use super::charset::Charset;
 use super::dataset::{Bounds, DataSet, PixelElement, Retention};
 use super::distinctions::Distinctions;
 use super::error::Defect;
@@ -89,11 +90,13 @@ pub(super) struct PatientKey([u8; 32]);
 
 impl PatientKey {
     fn of(data: &DataSet) -> Self {
-        let id = text(data, tags::PATIENT_ID);
+        let charset = Charset::of(data);
+        let text = |tag| charset.text(data, tag).unwrap_or_default();
+        let id = text(tags::PATIENT_ID);
         let parts = if id.is_empty() {
-            [text(data, tags::PATIENT_NAME), text(data, tags::PATIENT_BIRTH_DATE)]
+            [text(tags::PATIENT_NAME), text(tags::PATIENT_BIRTH_DATE)]
         } else {
-            [id, text(data, tags::ISSUER_OF_PATIENT_ID)]
+            [id, text(tags::ISSUER_OF_PATIENT_ID)]
         };
         Self(Sha256::digest(parts.join("\\")).into())
     }
@@ -157,7 +160,8 @@ fn keep(tag: Tag) -> Retention {
         | tags::CT_RECONSTRUCTION_SEQUENCE
         | tags::CTX_RAY_DETAILS_SEQUENCE
         | tags::FRAME_CONTENT_SEQUENCE => Retention::Items,
-        tags::IMAGE_TYPE
+        tags::SPECIFIC_CHARACTER_SET
+        | tags::IMAGE_TYPE
         | tags::FRAME_TYPE
         | tags::SOP_CLASS_UID
         | tags::SOP_INSTANCE_UID

@@ -19,6 +19,7 @@ use super::attributes::{
     BETWEEN, BITS_ALLOCATED, COLUMNS, FRAMES, ORIENTATION, POSITION, ROWS, SEGMENT, SEGMENTATION, SPACING,
     THICKNESS, check, numbers, positive, required, text,
 };
+use super::charset::Charset;
 use super::dataset::{DataSet, Encoding, Retention};
 use super::error::{Defect, FrameGridError};
 use super::file_bytes::Bytes;
@@ -65,7 +66,8 @@ fn keep(tag: Tag) -> Retention {
         | tags::PIXEL_MEASURES_SEQUENCE
         | tags::SEGMENT_SEQUENCE
         | tags::SEGMENT_IDENTIFICATION_SEQUENCE => Retention::Items,
-        tags::ROWS
+        tags::SPECIFIC_CHARACTER_SET
+        | tags::ROWS
         | tags::COLUMNS
         | tags::NUMBER_OF_FRAMES
         | tags::BITS_ALLOCATED
@@ -187,7 +189,7 @@ fn parse(limits: LoadLimits, bytes: Bytes) -> Result<Parsed, Defect> {
     let columns = required(data, COLUMNS, "at least 1")?;
     check((1..=1 << 16).contains(&rows), ROWS, &rows, "1 to 65536")?;
     check((1..=1 << 16).contains(&columns), COLUMNS, &columns, "1 to 65536")?;
-    let segments = segments(data)?;
+    let segments = segments(data, kind == "LABELMAP")?;
     let (stack, frames) = arrange(data, kind == "BINARY", &segments)?;
     let dims = [columns as usize, rows as usize, stack.slices];
     let voxels = dims.iter().map(|&n| n as u64).product::<u64>();
@@ -236,17 +238,22 @@ fn zeros(voxels: u64) -> Result<Vec<u16>, Defect> {
     Ok(labels)
 }
 
-/// The segments that are described.
-fn segments(data: &DataSet) -> Result<Vec<Segment>, Defect> {
+/// The segments that are described. Number 0 of a LABELMAP object is its background (PS3.3 C.8.20.2),
+/// which is no segment here.
+fn segments(data: &DataSet, is_label_map: bool) -> Result<Vec<Segment>, Defect> {
+    let charset = Charset::of(data);
     let segment = |item: &DataSet| {
         let number = required(item, SEGMENT, "1 to 65535")?;
         let label = u16::try_from(number).unwrap_or(0);
+        if is_label_map && number == 0 {
+            return Ok(None);
+        }
         check(label > 0, SEGMENT, &number, "1 to 65535")?;
-        let name = item.text(tags::SEGMENT_LABEL);
+        let name = charset.within(item).text(item, tags::SEGMENT_LABEL);
         let lab = <[u16; 3]>::try_from(item.words(tags::RECOMMENDED_DISPLAY_CIE_LAB_VALUE)).ok();
-        Ok(Segment::new(label, name.as_deref(), lab.map(srgb_of_lab)))
+        Ok(Some(Segment::new(label, name.as_deref(), lab.map(srgb_of_lab))))
     };
-    data.items(tags::SEGMENT_SEQUENCE).iter().map(segment).collect()
+    data.items(tags::SEGMENT_SEQUENCE).iter().map(segment).filter_map(Result::transpose).collect()
 }
 
 /// The frames, and the stack that they are slices of.

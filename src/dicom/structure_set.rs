@@ -172,7 +172,7 @@ pub fn read_structure_set(bytes: &[u8]) -> Result<StructureSet, ObjectError> {
         let frame = item.text(tags::REFERENCED_FRAME_OF_REFERENCE_UID);
         structures.push(Structure {
             number,
-            name: name(&charset, item, number),
+            name: name(charset, item, number),
             rgb: None,
             kind: None,
             frame_of_reference: frame.filter(|uid| (1..=64).contains(&uid.len())).map(FrameOfReference),
@@ -237,8 +237,8 @@ fn number(item: &DataSet, path: &str, keyword: &'static str, tag: Tag) -> Result
 }
 
 /// One line, as long as an item's name may be.
-fn name(charset: &Charset, item: &DataSet, number: u32) -> String {
-    let text = charset.text(item, tags::ROI_NAME).unwrap_or_default();
+fn name(charset: Charset, item: &DataSet, number: u32) -> String {
+    let text = charset.within(item).text(item, tags::ROI_NAME).unwrap_or_default();
     let clean = text.chars().map(|letter| if letter.is_control() { ' ' } else { letter });
     let clean: String = clean.take(Item::LONGEST_NAME).collect();
     if clean.trim().is_empty() { format!("ROI {number}") } else { clean.trim().to_owned() }

@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "tests fail and speak aloud")]
 
 use crate::common;
+mod characters;
 mod damage;
 mod peer;
 mod real;

@@ -15,7 +15,7 @@ use relief_annotation::Concept;
 pub(super) struct Node<'a> {
     pub(super) data: &'a DataSet,
     pub(super) path: String,
-    pub(super) charset: &'a Charset,
+    pub(super) charset: Charset,
 }
 
 /// Warnings by their text, with their count and first place.
@@ -28,7 +28,7 @@ impl<'a> Node<'a> {
         let child = |(index, data)| Node {
             data,
             path: format!("{}{separator}{}[{}]", self.path, tags::CONTENT_SEQUENCE, index + 1),
-            charset: self.charset,
+            charset: self.charset.within(data),
         };
         self.data.items(tags::CONTENT_SEQUENCE).iter().enumerate().map(child).collect()
     }

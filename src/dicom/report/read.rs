@@ -60,7 +60,7 @@ pub struct ReadReport {
 pub fn read_report(bytes: &[u8], options: &ReportReadOptions<'_>) -> Result<ReadReport, ReportError> {
     let data = whole::read(bytes, MOST_BYTES, BOUNDS, keep)?;
     let charset = Charset::of(&data);
-    let root = Node { data: &data, path: String::new(), charset: &charset };
+    let root = Node { data: &data, path: String::new(), charset };
     if root.kind() != "CONTAINER" {
         let found = quoted(root.kind());
         let expected = "CONTAINER: the object is no structured report (SR)";
