@@ -65,7 +65,7 @@ pub enum ArchiveError {
         wanted: &'static str,
     },
     /// The archive answers with a failure.
-    #[error("the archive {archive} answers with status {status}")]
+    #[error("the archive {archive} answers with status {status}{}", hint(*status))]
     Status {
         /// The root of its services.
         archive: String,
@@ -84,6 +84,18 @@ pub enum ArchiveError {
         /// The content that DICOMweb prescribes.
         expected: &'static str,
     },
+    /// The archive has more matches than it lists.
+    #[error(
+        "the archive {archive} lists only {found} of {expected}; let it answer searches completely, or obey `offset`"
+    )]
+    Incomplete {
+        /// The root of its services.
+        archive: String,
+        /// Matches in its answers.
+        found: usize,
+        /// The archive's own number of matches, where it has one.
+        expected: Total,
+    },
     /// An answer is larger than allowed.
     #[error("the archive {archive} sends more than {allowed} {unit}")]
     TooLarge {
@@ -97,6 +109,32 @@ pub enum ArchiveError {
     /// The objects cannot be written.
     #[error(transparent)]
     Write(#[from] std::io::Error),
+}
+
+/// The number of matches in an archive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Total {
+    /// Instances of a series, as the archive counts them.
+    Instances(u64),
+    /// The archive says that there are more, and not how many.
+    More,
+}
+
+impl std::fmt::Display for Total {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Instances(count) => write!(f, "{count} instances"),
+            Self::More => f.write_str("its matches, as it says itself"),
+        }
+    }
+}
+
+/// What a status means for the caller, where it is not obvious.
+fn hint(status: u16) -> &'static str {
+    match status {
+        300..400 => ", a redirect; redirects are not followed: give the address that it leads to",
+        _ => "",
+    }
 }
 
 impl ArchiveError {

@@ -32,7 +32,7 @@ pub use address::{AddressError, ArchiveAddress, SCHEME};
 #[cfg(feature = "client")]
 pub use client::Archive;
 #[cfg(feature = "client")]
-pub use error::ArchiveError;
+pub use error::{ArchiveError, Total};
 #[cfg(feature = "network")]
 pub use network::{
     AllowedCaller, CallerError, CompletedSeries, Inbox, NetworkAddress, NetworkAddressError, Receiver,

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 
+use reqwest::header::WARNING;
+use reqwest::{Response, StatusCode};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::address::ArchiveAddress;
 use crate::client::Archive;
-use crate::error::ArchiveError;
+use crate::error::{ArchiveError, Total};
 
 /// Matches that one answer may have.
 const PAGE: usize = 1_000;
@@ -55,6 +57,13 @@ const FIELDS: [&str; 7] = [
     "NumberOfSeriesRelatedInstances",
 ];
 
+/// One answer to a search.
+pub(crate) struct Page {
+    pub(crate) matches: Vec<Map<String, Value>>,
+    /// Whether the archive says that it has more matches behind these.
+    has_more: bool,
+}
+
 impl Archive {
     /// The series that match an address, by date of the study, study and series.
     ///
@@ -83,20 +92,44 @@ impl Archive {
     /// The UIDs of the instances of a series, sorted.
     ///
     /// # Errors
-    /// As for [`Archive::series`], and when there are none.
+    /// As for [`Archive::series`], and when there are none, or fewer than the archive counts.
     pub(crate) fn instances(&self, study: &str, series: &str) -> Result<Vec<String>, ArchiveError> {
         let path = format!("/studies/{study}/series/{series}/instances");
         let found = self.runtime.block_on(self.all(&path, &[], "00080018", MOST_INSTANCES, "series"))?;
         let uids: BTreeSet<String> =
             found.iter().filter_map(|attributes| uid(attributes, "00080018")).collect();
-        match uids.is_empty() {
-            true => Err(self.missing("series")),
-            false => Ok(uids.into_iter().collect()),
+        if uids.is_empty() {
+            return Err(self.missing("series"));
+        }
+        match self.runtime.block_on(self.counted(study, series))? {
+            Some(count) if count > uids.len() as u64 => {
+                Err(self.incomplete(uids.len(), Total::Instances(count)))
+            }
+            _ => Ok(uids.into_iter().collect()),
         }
     }
 
+    /// The number of a series' instances, where the archive counts them.
+    async fn counted(&self, study: &str, series: &str) -> Result<Option<u64>, ArchiveError> {
+        const COUNT: &str = "NumberOfSeriesRelatedInstances";
+        let path = format!("/studies/{study}/series");
+        let query = [("SeriesInstanceUID", series), ("includefield", COUNT)];
+        let page = match self.tried(async || self.page(&path, &query, "series").await).await {
+            // It lists instances, but does not search for series.
+            Err(ArchiveError::Missing { .. } | ArchiveError::Status { .. }) => return Ok(None),
+            page => page?,
+        };
+        let is_wanted = |found: &&Map<String, Value>| text(found, "0020000E") == series;
+        Ok(page.matches.iter().find(is_wanted).and_then(|found| text(found, "00201209").parse().ok()))
+    }
+
+    fn incomplete(&self, found: usize, expected: Total) -> ArchiveError {
+        ArchiveError::Incomplete { archive: self.base.clone(), found, expected }
+    }
+
     /// All matches, page by page. Archives that ignore `offset` send one page again and again: a
-    /// page without a new `key` is the last one.
+    /// page without a new `key` is the last one. If the archive says that more follow, that is an
+    /// error.
     async fn all(
         &self,
         path: &str,
@@ -106,13 +139,14 @@ impl Archive {
         wanted: &'static str,
     ) -> Result<Vec<Map<String, Value>>, ArchiveError> {
         let (mut found, mut known) = (Vec::new(), BTreeSet::new());
-        let mut offset = 0;
+        let (mut offset, mut has_more) = (0, false);
         loop {
             let [limit, at] = [PAGE.to_string(), offset.to_string()];
             let paged = [query, &[("limit", &*limit), ("offset", &*at)]].concat();
             let page = self.tried(async || self.page(path, &paged, wanted).await).await?;
-            let (count, before) = (page.len(), found.len());
-            found.extend(page.into_iter().filter(|attributes| match uid(attributes, key) {
+            let (count, before) = (page.matches.len(), found.len());
+            has_more = page.has_more || (count == 0 && has_more);
+            found.extend(page.matches.into_iter().filter(|attributes| match uid(attributes, key) {
                 Some(uid) => known.insert(uid),
                 None => false,
             }));
@@ -120,7 +154,7 @@ impl Archive {
                 return Err(self.too_large(most as u64, "matches; narrow the query"));
             }
             if count == 0 || found.len() == before {
-                return Ok(found);
+                return if has_more { Err(self.incomplete(found.len(), Total::More)) } else { Ok(found) };
             }
             offset += count;
         }
@@ -131,14 +165,26 @@ impl Archive {
         path: &str,
         query: &[(&str, &str)],
         wanted: &'static str,
-    ) -> Result<Vec<Map<String, Value>>, ArchiveError> {
+    ) -> Result<Page, ArchiveError> {
         let response = self.get(path, query, JSON, wanted).await?;
-        if response.status() == reqwest::StatusCode::NO_CONTENT {
-            return Ok(Vec::new());
+        if response.status() == StatusCode::NO_CONTENT {
+            return Ok(Page { matches: Vec::new(), has_more: false });
         }
+        let has_more = has_more(&response);
         let body = self.body(response, LARGEST_ANSWER).await?;
-        serde_json::from_slice(&body).map_err(|_| self.answer("something else", "a list in DICOM's JSON"))
+        let matches = serde_json::from_slice(&body)
+            .map_err(|_| self.answer("something else", "a list in DICOM's JSON"))?;
+        Ok(Page { matches, has_more })
     }
+}
+
+/// Whether an answer to a search has a part of the matches only: status 206, or a warning about
+/// "additional results" (PS3.18 8.3.4.4). Other warnings have the same number, 299.
+fn has_more(response: &Response) -> bool {
+    let is_cut =
+        |warning: &[u8]| String::from_utf8_lossy(warning).to_ascii_lowercase().contains("additional results");
+    response.status() == StatusCode::PARTIAL_CONTENT
+        || response.headers().get_all(WARNING).iter().any(|warning| is_cut(warning.as_bytes()))
 }
 
 impl FoundSeries {

@@ -57,7 +57,9 @@ impl Archive {
         let path = format!("/studies/{study}/series/{series}/instances");
         match self.page(&path, &[("SOPInstanceUID", instance)], "object").await {
             // Some archives ignore the attribute, and list all instances.
-            Ok(found) => Ok(found.iter().any(|one| uid(one, "00080018").as_deref() == Some(instance))),
+            Ok(found) => {
+                Ok(found.matches.iter().any(|one| uid(one, "00080018").as_deref() == Some(instance)))
+            }
             Err(ArchiveError::Missing { .. }) => Ok(false),
             Err(error) => Err(error),
         }

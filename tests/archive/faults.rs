@@ -74,9 +74,16 @@ fn unreliable(files: Vec<Vec<u8>>) -> StandIn {
                 write_head(stream, "200 OK", kind, body.len())?;
                 stream.write_all(&body[..body.len() / 2])
             }
-            _ => reply(stream, "200 OK", kind, &body),
+            // Nobody has to want it: a proxy may compress.
+            _ => reply(stream, "200 OK\r\nContent-Encoding: gzip", kind, &gzip(&body)),
         }
     })
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
 }
 
 /// Invariant: A retrieval survives answers of an archive that fail or break off.
@@ -115,9 +122,15 @@ fn endless_answers_end_in_an_error() {
             reply(stream, "200 OK", JSON, &listed("00080018", (0..3).map(|number| format!("1.{number}"))))
         }
         false if path.contains("/instances/") => endless(stream, PART, b"--x\r\n\r\n"),
+        false if path.ends_with("/studies/1.2/series") => reply(stream, "200 OK", JSON, b"[]"),
         false => endless(stream, JSON, b"["),
     });
     let said = failed(&mut relief(&["inspect", &archive.address("")]));
+    assert!(said.contains("sends more than 67108864 bytes"), "{said}");
+    let bomb = gzip(&[&b"["[..], &[b' '; 256 << 20]].concat());
+    let packed =
+        StandIn::start(move |_, stream| reply(stream, "200 OK\r\nContent-Encoding: gzip", JSON, &bomb));
+    let said = failed(&mut relief(&["inspect", &packed.address("")]));
     assert!(said.contains("sends more than 67108864 bytes"), "{said}");
     let (cache, out) = (folder.path().join("cache"), folder.path().join("out.png"));
     let mut command = render(&archive.address(SERIES), &out);
@@ -125,6 +138,40 @@ fn endless_answers_end_in_an_error() {
     assert!(said.contains("--cache-bytes") && !said.contains("1.2"), "{said}");
     let left: u64 = files_of(&cache).iter().map(|file| file.metadata().unwrap().len()).sum();
     assert!(left <= 8 << 20 && !out.exists(), "{left} bytes");
+}
+
+/// Invariant: An archive that lists a part of a series gives an error, not a part of the series.
+#[test]
+fn a_part_of_a_series_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.png");
+    // Whatever the offset, these are the first 10.
+    let ten = || listed("00080018", (0..10).map(|number| format!("1.{number}")));
+    let counted = |count: u64| {
+        let one = serde_json::json!([{
+            "0020000D": { "vr": "UI", "Value": ["1.2"] }, "0020000E": { "vr": "UI", "Value": ["3.4"] },
+            "00201209": { "vr": "IS", "Value": [count] },
+        }]);
+        serde_json::to_vec(&one).unwrap()
+    };
+    let more = "Warning: 299 dicom: There are 6 additional results that can be requested";
+    let other = "Warning: 299 dicom: The fuzzymatching parameter is not supported";
+    for (status, count, said) in [
+        ("200 OK", 16, Some("lists only 10 of 16 instances")),
+        ("206 Partial Content", 10, Some("lists only 10 of its matches")),
+        (&*format!("200 OK\r\n{more}"), 10, Some("lists only 10 of its matches")),
+        // Whole: the error is about the files, of which there are none.
+        (&*format!("200 OK\r\n{other}"), 10, None),
+    ] {
+        let status = status.to_owned();
+        let archive = StandIn::start(move |path, stream| match path {
+            path if path.ends_with("/instances") => reply(stream, &status, JSON, &ten()),
+            path if path.ends_with("/series") => reply(stream, "200 OK", JSON, &counted(count)),
+            _ => reply(stream, "404 Not Found", "text/plain", b""),
+        });
+        let text = failed(&mut render(&archive.address(SERIES), &out));
+        assert!(text.contains(said.unwrap_or("no such instance")) && !out.exists(), "{text}");
+    }
 }
 
 /// Invariant: A client follows no redirect of an archive, which could lead its login elsewhere.

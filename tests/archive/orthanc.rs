@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
-use crate::cluster::stage::{PATIENCE, ask, free_ports, relief, signal, until};
+use crate::cluster::stage::{PATIENCE, ask, free_ports, relief, until};
+use crate::common::child::signal;
 
 /// Orthanc with an empty store; ends with this value.
 pub(crate) struct Orthanc {
@@ -174,7 +175,7 @@ fn proxy(what: &str, folder: &Path, port: u16) -> Option<Child> {
 impl Drop for Orthanc {
     fn drop(&mut self) {
         if let Some(proxy) = &mut self.proxy {
-            signal("-TERM", proxy.id()); // it ends its workers
+            signal("TERM", proxy.id()); // it ends its workers
             let _ = proxy.wait();
         }
         let _ = self.process.kill();

@@ -9,8 +9,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::orthanc::{Orthanc, Wanted};
-use crate::cluster::stage::{Process, free_ports, lone, phantom, relief, signal, until, volumes};
+use crate::cluster::stage::{Process, free_ports, lone, phantom, relief, until, volumes};
 use crate::common::child;
+use crate::common::child::signal;
 
 /// A receiver of a test's own.
 pub(crate) struct Receiving {
@@ -134,7 +135,7 @@ fn series_of_known_callers_arrive_whole() {
     assert!(said.contains("OutOfResources"), "{said}");
     let bytes: u64 = files_below(&inbox).iter().map(|file| file.metadata().unwrap().len()).sum();
     assert!(bytes <= 120 << 10, "{bytes}");
-    signal("-TERM", receiving.process.id());
+    signal("TERM", receiving.process.id());
     assert!(receiving.process.wait().unwrap().success());
 }
 
@@ -289,7 +290,7 @@ fn what_was_acknowledged_survives_a_kill() {
             answers += usize::from(line.contains("Received Store Response (Success)"));
             if answers == objects {
                 std::thread::sleep(delay);
-                signal("-KILL", receiving.process.id());
+                signal("KILL", receiving.process.id());
             }
         }
         let _ = sending.wait();
