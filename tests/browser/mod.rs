@@ -11,6 +11,7 @@ use crate::common;
 mod hands;
 mod identity;
 mod readers;
+mod safety;
 mod views;
 mod wand;
 

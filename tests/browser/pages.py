@@ -80,19 +80,25 @@ class Server:
             self.url = f"http://127.0.0.1:{port}"
             shown = ["--series", series] if series else []
             command = [relief, "serve", *shown, "--listen", f"127.0.0.1:{port}", *more]
-            environment = {**os.environ, "RELIEF_ADAPTER": "cpu", "RELIEF_LOG": "warn"}
-            self.process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
-        for _ in range(600):
-            try:
-                # Without a series it is never ready, but answers.
-                if urllib.request.urlopen(self.url + ("/readyz" if series else "/healthz")).status == 200:
-                    break
-            except OSError:
-                time.sleep(0.1)
-        else:
-            raise SystemExit("the server is not ready after a minute")
+            self.command = command
+            self.start()
+        # Without a series it is never ready, but answers.
+        self.wait("/readyz" if series else "/healthz")
         self.volumes = self.get("/v1/volumes")["volumes"]
         self.volume = f"/v1/volumes/{self.volumes[0]['id']}" if series else None
+
+    def wait(self, path="/readyz"):
+        for _ in range(600):
+            try:
+                if urllib.request.urlopen(self.url + path).status == 200:
+                    return
+            except OSError:
+                time.sleep(0.1)
+        raise SystemExit("the server is not ready after a minute")
+
+    def start(self):
+        environment = {**os.environ, "RELIEF_ADAPTER": "cpu", "RELIEF_LOG": "warn"}
+        self.process = subprocess.Popen(self.command, env=environment, stdout=subprocess.DEVNULL)
 
     def get(self, path, author="test"):
         asked = urllib.request.Request(self.url + path, headers={"Relief-Author": author})

@@ -18,6 +18,7 @@ import { Picks } from "./picks.js";
 import { PresetGrid } from "./presets.js";
 import { Preview } from "./preview.js";
 import { PLANES, advanced, dragged, onControls, paged, showControls, sliceWords, windowed, zoomed } from "./slices.js";
+import { identityOf, offerOthers, showWarnings } from "./series.js";
 import { Stage } from "./stage.js";
 import { $, DOT, VIEWS, choose, overlayBoxes, showHelp, slicing, state, volumePath } from "./state.js";
 import { describeSurface, onSurface } from "./surface.js";
@@ -26,6 +27,8 @@ import { HOME, frameQuery, request } from "./view.js";
 const panel = $("panel");
 let presets = [];
 let volumes = [];
+/** The id of the volume that the address names, until one is displayed. */
+let linked = null;
 
 const stage = new Stage({ asked, drawn });
 const picks = new Picks(() => stage.shown);
@@ -339,18 +342,20 @@ onFile($("stage"), [$("upload-button"), $("empty-button")], $("upload"), async (
 
 const option = (value, text = value) => new Option(text, value);
 
-function facts({ dims, spacing_mm: spacing, hu_range: [low, high], warnings }) {
+function facts({ dims, spacing_mm: spacing, hu_range: [low, high] }) {
   const size = dims.join(" × ");
   const step = spacing.map((value) => Number(value.toFixed(3))).join(" × ");
-  const known = [`${size} voxels`, `${step} mm`, `${low} to ${high} HU`];
-  if (warnings) known.push(`${warnings} warning${warnings > 1 ? "s" : ""} on reading`);
-  return known.join(DOT);
+  return [`${size} voxels`, `${step} mm`, `${low} to ${high} HU`].join(DOT);
 }
 
 function showVolume(volume) {
   if (!volume) return;
-  const isAnother = stage.shown !== null;
+  const isUnlinked = linked !== null && linked !== volume.id;
+  const isAnother = stage.shown !== null || isUnlinked;
+  linked = null;
   state.volume = volume;
+  // The camera of the link was for another series.
+  if (isUnlinked) state.pose = { ...HOME, shift: null };
   // Positions in one volume do not apply to another.
   if (isAnother) {
     state.slice = { ...state.slice, at: null };
@@ -361,7 +366,10 @@ function showVolume(volume) {
   cine.stop();
   follow(volume);
   $("empty").hidden = true;
+  $("missing").hidden = true;
   $("notice").hidden = true;
+  $("series").textContent = identityOf(volume);
+  showWarnings($("series-warnings"), volume);
   showSegments(volume, state.labels);
   volumeMenu.choose(volume.id);
   $("volume-facts").textContent = facts(volume);
@@ -386,14 +394,16 @@ async function listVolumes() {
   return listed.loading;
 }
 
-/** Waits for the first volume, and for those that are still loading. */
-async function awaitVolumes(wanted) {
+/** Waits for the volume of the address or the first one, and for those that are still loading. */
+async function awaitVolumes() {
   for (;;) {
     const loading = await listVolumes();
-    if (!state.volume && volumes.length) showVolume(volumes.find((volume) => volume.id === wanted) ?? volumes[0]);
-    if (!loading) break;
-    if (!volumes.length) $("timing").textContent = "loading the series …";
-    await new Promise((resolve) => setTimeout(resolve, 700));
+    if (!state.volume) showVolume(linked === null ? volumes[0] : volumes.find(({ id }) => id === linked));
+    const isMissing = !state.volume && linked !== null && !loading;
+    if (isMissing) offerOthers($("missing"), volumes, showVolume);
+    else if (!loading) break;
+    if (!state.volume) $("timing").textContent = isMissing ? "no such series" : "loading the series …";
+    await new Promise((resolve) => setTimeout(resolve, isMissing ? 2000 : 700));
   }
   if (volumes.length) return;
   $("timing").textContent = "no volume";
@@ -412,9 +422,9 @@ async function start() {
   $("depth-rule").replaceChildren(...known.depth_rules.map((name) => option(name)));
   $("depth-filter").replaceChildren(...known.depth_filters.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));
-  const wanted = recall(presets);
+  linked = recall(presets);
   showState();
-  await awaitVolumes(wanted);
+  await awaitVolumes();
 }
 
 /** Displays the name of the adapter, which is known once a volume is loaded. */
@@ -422,5 +432,8 @@ async function describeAdapter() {
   const { adapter } = await (await request("/readyz")).json();
   Object.assign($("adapter"), { textContent: adapter, title: adapter });
 }
+
+// Another link in the same window.
+addEventListener("hashchange", () => location.reload());
 
 start().catch(showFailure);

@@ -10,7 +10,7 @@ const OFTEN_MS = 2000;
 /** Polling interval while the server sends changes: only for those that a broken connection lost, ms. */
 const SELDOM_MS = 20_000;
 const LONGEST_WAIT_MS = 30_000;
-/** The close code of a refused session. */
+/** The close code of a refused session: a server that has just started does not have the volume yet. */
 const REFUSED = 1008;
 
 /** Parses a message; null if it is invalid, then polling finds the change. */
@@ -29,7 +29,10 @@ export class Live {
   #socket = null;
   #ended = false;
 
-  /** Calls `news(seq)` when there may be changes, and `changed` with "live", "asking" or "away". */
+  /**
+   * Calls `news(seq)` when there may be changes, which returns "there" or the reason why they cannot be had; and
+   * `changed` with "live", "asking" or that reason.
+   */
   constructor(volume, author, { news, changed }) {
     Object.assign(this, { volume, author, news, changed });
     this.#connect();
@@ -51,8 +54,11 @@ export class Live {
   async #ask(seq) {
     clearTimeout(this.#timer);
     if (this.#ended) return;
-    const there = document.hidden ? true : await this.news(seq);
-    this.changed(there ? (this.#notified ? "live" : "asking") : "away");
+    if (!document.hidden) {
+      const found = await this.news(seq);
+      if (this.#ended) return;
+      this.changed(found === "there" ? (this.#notified ? "live" : "asking") : found);
+    }
     this.#later();
   }
 
@@ -83,9 +89,8 @@ export class Live {
     socket.addEventListener("close", ({ code }) => {
       this.#notified = false;
       if (this.#ended) return;
-      this.#later();
-      // Refused: trying again would be refused too.
-      if (code === REFUSED) return;
+      this.#ask(); // "live" is no longer true
+      if (code === REFUSED) this.#wait = LONGEST_WAIT_MS;
       setTimeout(() => this.#connect(), this.#wait);
       this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
     });

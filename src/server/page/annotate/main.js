@@ -2,6 +2,7 @@
 
 import { showIdentity } from "/identity.js";
 import { directionsOf } from "/orbit.js";
+import { offerOthers } from "/series.js";
 import { Refusal, request } from "/view.js";
 import { Annotations, Conflict, archivesForResults, newId } from "./api.js";
 import { askAuthor, askConflict, askDetails, askExport, askSet, showHelp } from "./dialogs.js";
@@ -71,7 +72,7 @@ async function named() {
 /** Applies all changes or none; returns the events, or null if nothing changed. */
 async function commit(changes, reason = "") {
   if (!isOn) {
-    say("Annotations are off on this server: nothing can be kept.");
+    say($("off").hidden ? "The annotations are not loaded: nothing can be kept now." : "Annotations are off on this server: nothing can be kept.");
     return null;
   }
   if (!(await named())) return null;
@@ -141,7 +142,7 @@ async function back(what) {
   }
 }
 
-/** Loads all items; returns false if the server does not respond. */
+/** Loads all items; returns "there", "off" without annotations on the server, "missing" without the volume, or "away". */
 async function reload(whole = false) {
   if (whole) annotations.tag = null;
   try {
@@ -150,11 +151,13 @@ async function reload(whole = false) {
     if (found && found.seq >= model.seq) model.take(found);
     else if (found) annotations.tag = null;
     setOn(true);
-    return true;
+    return "there";
   } catch (error) {
-    if (error.kind === "annotations-off" || error.status === 404) setOn(false);
-    else if (!(error instanceof Refusal) || error.status) fail(error);
-    return error.status !== undefined;
+    if (error.kind === "annotations-off") return setOn(false), "off";
+    // A server that has just started loads its series first.
+    if (error.kind === "no-such-volume") return "missing";
+    if (!(error instanceof Refusal)) fail(error);
+    return "away";
   }
 }
 
@@ -163,7 +166,6 @@ function setOn(on) {
   $("off").hidden = on;
   document.body.dataset.annotations = on ? "on" : "off";
   for (const id of ["undo", "redo", "log-button", "import-button", "export-button", "templates-button"]) $(id).disabled = !on;
-  if (!on) live?.end();
 }
 
 // ---------------------------------------------------------------- parts
@@ -281,10 +283,12 @@ async function show(volume) {
   model.changed("items", "pose");
   panes.forEach((pane) => pane.refresh());
   await reload(true);
-  if (!isOn) return;
-  const words = { live: "live", asking: "up to date", away: "the server does not answer" };
+  const words = {
+    live: "live", asking: "up to date", away: "the server does not answer", off: "annotations are off",
+    missing: "the server does not have this series now",
+  };
   live = new Live(volume, model.author, {
-    news: (seq) => (seq !== undefined && seq <= model.seq ? true : reload()),
+    news: (seq) => (seq !== undefined && seq <= model.seq ? "there" : reload()),
     changed: (state) => {
       $("live").textContent = words[state];
       $("live").dataset.state = state;
@@ -300,16 +304,25 @@ async function start() {
   pageFacts.author(model);
   for (;;) {
     const { volumes, loading } = await (await request("/v1/volumes")).json();
-    const wanted = new URLSearchParams(location.hash.slice(1)).get("volume");
-    if (volumes.length) {
-      const isBusy = () => panes.some((pane) => pane.fetcher.isBusy);
-      pageFacts.volumes(volumes, (volume) => show(volume).catch(fail), isBusy);
-      return show(volumes.find(({ id }) => id === wanted) ?? volumes[0]);
-    }
-    if (!loading) return say("No volume is loaded. Start the server with --series, or add one on the page at /, and come back.", { error: true, stays: true });
-    say("Loading the series …");
-    await new Promise((resolve) => setTimeout(resolve, 700));
+    const linked = new URLSearchParams(location.hash.slice(1)).get("volume");
+    const volume = linked === null ? volumes[0] : volumes.find(({ id }) => id === linked);
+    if (volume) return choose(volumes, volume);
+    if (!loading && linked === null) return say("No volume is loaded. Start the server with --series, or add one on the page at /, and come back.", { error: true, stays: true });
+    if (loading) say("Loading the series …");
+    else offerOthers($("missing"), volumes, (chosen) => choose(volumes, chosen).catch(fail));
+    await new Promise((resolve) => setTimeout(resolve, loading ? 700 : 2000));
+    if (model.volume) return; // another one was chosen
   }
 }
+
+function choose(volumes, volume) {
+  const isBusy = () => panes.some((pane) => pane.fetcher.isBusy);
+  pageFacts.volumes(volumes, (chosen) => show(chosen).catch(fail), isBusy);
+  $("missing").hidden = true;
+  return show(volume);
+}
+
+// Another link in the same window.
+addEventListener("hashchange", () => location.reload());
 
 start().catch(fail);

@@ -3,6 +3,7 @@
 import { Crop } from "/crop.js";
 import { Planes } from "/planes.js";
 import { request } from "/view.js";
+import { identityOf, showWarnings } from "/series.js";
 import { VolumeMenu } from "/volumes.js";
 import { places } from "./geometry.js";
 
@@ -20,12 +21,16 @@ export const pageFacts = {
     model.changed("window");
   },
 
-  volume({ id, name, dims, spacing_mm: spacing, hu_range: [low, high] }) {
+  volume(volume) {
+    const { id, dims, spacing_mm: spacing, hu_range: [low, high] } = volume;
+    $("series").textContent = identityOf(volume);
+    $("series").hidden = !$("volume-field").hidden; // the menu has it
+    showWarnings($("series-warnings"), volume);
     const size = `${dims.join(" × ")} voxels`;
     const step = `${spacing.map((value) => Number(value.toFixed(3))).join(" × ")} mm`;
     $("volume-facts").textContent = [size, step, `${low} to ${high} HU`].join(DOT);
     this.menu?.choose(id);
-    $("volume-menu").querySelector("summary").textContent = name;
+    $("volume-menu").querySelector("summary").textContent = identityOf(volume);
     history.replaceState(null, "", `#volume=${id}`);
   },
 
