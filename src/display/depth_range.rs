@@ -37,18 +37,24 @@ impl DepthRange {
 const OUTLIERS: f64 = 0.012;
 /// Room beyond the surfaces, as a share of their extent.
 const MARGIN: f64 = 0.025;
-/// Smallest extent of limits, mm: noise of a flat surface is no relief.
+/// Smallest extent of limits, mm, and the largest share of the volume's extent that it is: noise of a
+/// flat surface is no relief.
 const LEAST_MM: f64 = 20.0;
-/// Surfaces within less have no depth, mm: a slice.
+const LEAST_SHARE: f64 = 0.2;
+/// Surfaces within less have no depth, mm, or this share of the volume's extent: a slice.
 const FLAT_MM: f64 = 0.5;
+const FLAT_SHARE: f64 = 0.005;
 /// Bins of the histogram.
 const BINS: usize = 4096;
 
 /// The limits of the visible surfaces: between percentiles of the depths of pixels, with a margin;
 /// `None` where nothing is visible, or all of it at one depth. Depths that are not finite are those
-/// of rays that hit nothing.
+/// of rays that hit nothing. `volume_mm` is the extent of the whole volume.
 #[must_use]
-pub fn visible_limits(depths_mm: &(impl Iterator<Item = f32> + Clone)) -> Option<DepthLimits> {
+pub fn visible_limits(
+    depths_mm: &(impl Iterator<Item = f32> + Clone),
+    volume_mm: f64,
+) -> Option<DepthLimits> {
     let hits = || depths_mm.clone().filter(|depth| depth.is_finite());
     // Without branches on hits, which vary from pixel to pixel.
     let ends = |(low, high): (f32, f32), depth: f32| {
@@ -57,7 +63,7 @@ pub fn visible_limits(depths_mm: &(impl Iterator<Item = f32> + Clone)) -> Option
     };
     let (low, high) = depths_mm.clone().fold((f32::INFINITY, f32::NEG_INFINITY), ends);
     let (low, extent) = (f64::from(low), f64::from(high) - f64::from(low));
-    if !extent.is_finite() || extent < FLAT_MM {
+    if !extent.is_finite() || extent < FLAT_MM.min(FLAT_SHARE * volume_mm) {
         return None;
     }
     let mut counts = [0u64; BINS];
@@ -76,7 +82,8 @@ pub fn visible_limits(depths_mm: &(impl Iterator<Item = f32> + Clone)) -> Option
     };
     let near = low + beyond(&mut counts.iter());
     let far = low + extent - beyond(&mut counts.iter().rev());
-    let room = (MARGIN * (far - near)).max((LEAST_MM - (far - near)) / 2.0);
+    let least_mm = LEAST_MM.min(LEAST_SHARE * volume_mm);
+    let room = (MARGIN * (far - near)).max((least_mm - (far - near)) / 2.0);
     DepthLimits::new((near - room).max(0.0), far + room)
 }
 
@@ -90,7 +97,7 @@ mod tests {
         let mut depths: Vec<f32> = (0..100_000).map(|i| 500.0 + i as f32 * 0.002).collect();
         depths.extend([300.0; 300]);
         depths.extend([f32::INFINITY; 50_000]);
-        let found = visible_limits(&depths.iter().copied()).unwrap();
+        let found = visible_limits(&depths.iter().copied(), 400.0).unwrap();
         assert!((found.near_mm - 497.0).abs() < 1.0 && (found.far_mm - 702.0).abs() < 1.5, "{found:?}");
         let within = depths
             .iter()
@@ -100,11 +107,15 @@ mod tests {
 
     #[test]
     fn flat_pictures_have_no_limits_of_their_own_or_wide_ones() {
-        assert_eq!(visible_limits(&std::iter::empty()), None);
-        assert_eq!(visible_limits(&[f32::INFINITY; 9].into_iter()), None);
-        assert_eq!(visible_limits(&[400.0; 9].into_iter()), None);
+        assert_eq!(visible_limits(&std::iter::empty(), 400.0), None);
+        assert_eq!(visible_limits(&[f32::INFINITY; 9].into_iter(), 400.0), None);
+        assert_eq!(visible_limits(&[400.0; 9].into_iter(), 400.0), None);
         let wall: Vec<f32> = (0..1000).map(|i| 400.0 + i as f32 * 0.004).collect();
-        let found = visible_limits(&wall.into_iter()).unwrap();
+        let found = visible_limits(&wall.into_iter(), 400.0).unwrap();
         assert!((found.far_mm - found.near_mm - LEAST_MM).abs() < 0.1, "{found:?}");
+        // The same in micro-CT, a thousandth as large.
+        let wall: Vec<f32> = (0..1000).map(|i| 0.4 + i as f32 * 0.000_004).collect();
+        let found = visible_limits(&wall.into_iter(), 0.1).unwrap();
+        assert!((found.far_mm - found.near_mm - 0.02).abs() < 1e-4, "{found:?}");
     }
 }

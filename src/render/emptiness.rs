@@ -6,10 +6,12 @@ use std::fmt;
 
 use super::frame::RenderedFrame;
 use super::framing::{is_visible, visible_points};
+use super::mode::Mode;
 use super::request::RenderRequest;
 use super::scene::Subject;
-use relief_base::DepthLimits;
+use relief_base::{DepthLimits, Patient, Point};
 use relief_display::DisplaySettings;
+use relief_volume::Projection;
 
 /// Warnings about a picture that was rendered as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +34,8 @@ pub enum EmptyCause {
     Transfer([i16; 2]),
     /// Clips or hidden segments remove everything that is visible.
     Clip,
+    /// The projection of what is in the picture is outside of the window.
+    Window,
     /// The rays miss the rest.
     Camera,
 }
@@ -90,12 +94,36 @@ impl EmptyCause {
     /// subject has an occupancy.
     fn of(request: &RenderRequest, subject: &Subject<'_>, (low, high): (i16, i16)) -> Self {
         let Some(occupancy) = subject.content.occupancy() else { return Self::Camera };
-        let visible = occupancy.cells(|low, high| is_visible(request, low, high));
+        let visible = occupancy.cells(|low, high| is_visible(request, subject.grid, low, high));
         if visible.points(subject.grid).is_empty() {
             return Self::Transfer([low, high]);
         }
-        if visible_points(occupancy, subject.grid, request).is_empty() { Self::Clip } else { Self::Camera }
+        let points = visible_points(occupancy, subject.grid, request);
+        if points.is_empty() {
+            return Self::Clip;
+        }
+        let is_ray = matches!(request.mode, Mode::Composite | Mode::PathTraced | Mode::Isosurface);
+        let is_projection = !is_ray && !matches!(request.mode, Mode::Slice(_));
+        if is_projection && points.iter().any(|point| is_in_picture(request, *point)) {
+            Self::Window
+        } else {
+            Self::Camera
+        }
     }
+}
+
+/// Whether the camera of a request sees a point.
+fn is_in_picture(request: &RenderRequest, point: Point<Patient>) -> bool {
+    let camera = &request.camera;
+    let view = (camera.view_from_patient() * point).xyz;
+    let depth_mm = -view.z;
+    let spread = match camera.projection() {
+        Projection::Perspective { .. } => depth_mm,
+        Projection::Orthographic { .. } => 1.0,
+    };
+    let ([half_x, half_y], [shift_x, shift_y]) = (camera.half_extent(request.size_px), camera.lens_shift());
+    let is_within = |place: f64, shift: f64, half: f64| (place / spread - shift).abs() <= half;
+    depth_mm > 0.0 && is_within(view.x, shift_x, half_x) && is_within(view.y, shift_y, half_y)
 }
 
 impl fmt::Display for EmptyCause {
@@ -109,6 +137,9 @@ impl fmt::Display for EmptyCause {
             }
             Self::Clip => {
                 f.write_str("clip planes, box, sphere or hidden segments remove everything that is visible")
+            }
+            Self::Window => {
+                f.write_str("the projection has no value that the transfer function or window shows")
             }
             Self::Camera => f.write_str("the camera, or the slice's plane, misses the volume"),
         }

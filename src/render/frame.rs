@@ -69,7 +69,7 @@ impl RenderedFrame {
                     if coverage >= LEAST_COVERAGE { depth } else { f32::INFINITY }
                 },
             );
-            let visible = visible_limits(&seen)?;
+            let visible = visible_limits(&seen, self.limits.far_mm - self.limits.near_mm)?;
             let ball_mm = self.nearest_ball_mm.unwrap_or(f64::INFINITY);
             DepthLimits::new(visible.near_mm.min(ball_mm.max(0.0)), visible.far_mm)
         };

@@ -48,8 +48,8 @@ impl FramingRule {
     }
 }
 
-/// A value is visible if a path of this length through it, mm, ...
-const PATH_MM: f64 = 10.0;
+/// A value is visible if a path of this length through it, in units of the volume, ...
+const PATH_UNITS: f64 = 10.0;
 /// ... has at least this opacity.
 const OPACITY: f64 = 0.1;
 /// Lowest value of tissue, HU: fat and skin are above, lungs and foam below.
@@ -74,7 +74,7 @@ pub(crate) fn framing(
             Some(Arc::new(tissue.unwrap_or_else(|| framing_of_tissue(occupancy, grid))))
         }
         FramingRule::Visible if cuts_nothing(&request.clip) && hiding_labels(request).is_none() => {
-            occupancy.framing(grid, SPECK, |low, high| is_visible(request, low, high))
+            occupancy.framing(grid, SPECK, |low, high| is_visible(request, grid, low, high))
         }
         FramingRule::Visible => Framing::of_points(&visible_points(occupancy, grid, request)).map(Arc::new),
     };
@@ -112,7 +112,7 @@ pub(crate) fn visible_points(
     grid: &Grid,
     request: &RenderRequest,
 ) -> Vec<Point<Patient>> {
-    let cells = occupancy.cells(|low, high| is_visible(request, low, high));
+    let cells = occupancy.cells(|low, high| is_visible(request, grid, low, high));
     let labels = hiding_labels(request);
     let is_shown = |[first, end]: [[usize; 3]; 2]| {
         let middle: [f64; 3] = std::array::from_fn(|axis| (first[axis] + end[axis]) as f64 / 2.0 - 0.5);
@@ -124,14 +124,15 @@ pub(crate) fn visible_points(
 }
 
 /// Whether a request shows a value from `low` to `high` HU.
-pub(crate) fn is_visible(request: &RenderRequest, low: i16, high: i16) -> bool {
+pub(crate) fn is_visible(request: &RenderRequest, grid: &Grid, low: i16, high: i16) -> bool {
     let transfer = &request.transfer;
     match request.mode {
         Mode::Composite | Mode::PathTraced => {
             let inside = transfer.points().iter().map(|point| point.hu);
             let inside = inside.filter(|hu| (f64::from(low)..=f64::from(high)).contains(hu));
             let mut values = inside.chain([low, high].map(f64::from));
-            values.any(|hu| transfer.opacity_over(hu, PATH_MM) >= OPACITY)
+            let path_mm = PATH_UNITS * grid.unit_mm();
+            values.any(|hu| transfer.opacity_over(hu, path_mm) >= OPACITY)
         }
         Mode::Isosurface => request.surfaces.iter().any(|surface| surface.hu <= f64::from(high)),
         // Projections show tissue of any value, bright or dark.

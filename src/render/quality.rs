@@ -17,9 +17,6 @@ pub enum Quality {
     Moving,
 }
 
-/// The usual distances between samples, mm, whatever the voxels.
-const DISTANCES_MM: std::ops::RangeInclusive<f64> = 0.1..=10.0;
-
 impl Quality {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Still, Self::Moving];
@@ -44,10 +41,11 @@ impl Quality {
     #[must_use]
     pub fn sample_distance_mm(self, request: &RenderRequest, grid: &Grid) -> f64 {
         let finest_mm = grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-        let of = |samples: f64| (finest_mm / samples).clamp(*DISTANCES_MM.start(), *DISTANCES_MM.end());
+        let least_mm = request.least_sample_distance_mm(grid);
+        let of = |samples: f64| (finest_mm / samples).max(least_mm);
         let is_close = self == Self::Still && request.mode == Mode::Composite;
-        let close_mm = of(4.0);
-        if is_close && close_mm >= request.least_sample_distance_mm(grid) { close_mm } else { of(2.0) }
+        let close_mm = finest_mm / 4.0;
+        if is_close && close_mm >= least_mm { close_mm } else { of(2.0) }
     }
 
     /// The distance between samples of a request, mm, from the quality or the distance of its scene.

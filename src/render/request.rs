@@ -68,7 +68,7 @@ pub struct ClipSphere {
 
 impl ClipSphere {
     /// Radii that a sphere may have, mm.
-    pub const RADIUS_MM: std::ops::RangeInclusive<f64> = 0.01..=10_000.0;
+    pub const RADIUS_MM: std::ops::RangeInclusive<f64> = 0.000_001..=10_000.0;
 }
 
 /// The visible part of the volume: the intersection of all half-spaces, minus the inside of the

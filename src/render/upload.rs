@@ -15,6 +15,8 @@ use relief_volume::{BrickLabels, BrickRanges, ContentHash, DistanceMap, Transfer
 /// A volume's texture and its bricks' ranges.
 pub(super) struct VolumeOnGpu {
     pub(super) hash: ContentHash,
+    /// See [`relief_volume::Grid::unit_mm`].
+    pub(super) unit_mm: f64,
     pub(super) view: wgpu::TextureView,
     pub(super) gradients: Gradients,
     pub(super) plan: VolumePlan,
@@ -50,7 +52,8 @@ impl VolumeOnGpu {
         scope.close()?;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let bricks = bricks.unwrap_or_else(|| VolumeBricks::new(volume, &plan));
-        Ok(Self { hash: volume.content_hash(), view, gradients, plan, format, bricks })
+        let unit_mm = volume.grid().unit_mm();
+        Ok(Self { hash: volume.content_hash(), unit_mm, view, gradients, plan, format, bricks })
     }
 }
 

@@ -36,7 +36,7 @@ impl RenderRequest {
                 within("reduced_px", f64::from(side), 1.0, f64::from(most))?;
             }
         }
-        within("sample_distance_mm", self.sample_distance_mm, 0.01, 100.0)?;
+        within("sample_distance_mm", self.sample_distance_mm, 0.000_001, 100.0)?;
         for (path, value) in [
             ("shading.ambient", self.shading.ambient),
             ("shading.diffuse", self.shading.diffuse),

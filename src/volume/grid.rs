@@ -103,6 +103,38 @@ impl Grid {
         [axes.x_axis.length(), axes.y_axis.length(), axes.z_axis.length()]
     }
 
+    /// The length that has the part of a millimetre where constants are made for bodies, such as the
+    /// opacity of presets: 1 mm for bodies and their parts; the smallest spacing for volumes on another
+    /// scale, such as micro-CT. So a volume of 35 µm looks like one of 1 mm with the same voxels.
+    ///
+    /// A volume is of a smaller scale if its longest side is below 30 mm or its spacing below 0.05 mm, and
+    /// of a larger one if its longest side is above 3 m.
+    #[must_use]
+    pub fn unit_mm(&self) -> f64 {
+        const LEAST_SPACING_MM: f64 = 0.05;
+        const SIDES_MM: std::ops::RangeInclusive<f64> = 30.0..=3000.0;
+        let spacing_mm = self.spacing_mm();
+        let finest_mm = spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
+        let sides_mm = self.dims.iter().zip(spacing_mm).map(|(&count, mm)| count as f64 * mm);
+        let longest_mm = sides_mm.fold(0.0, f64::max);
+        if longest_mm > *SIDES_MM.end() {
+            finest_mm.max(1.0)
+        } else if longest_mm < *SIDES_MM.start() || finest_mm < LEAST_SPACING_MM {
+            finest_mm.min(1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// The same grid with its unit (see [`Grid::unit_mm`]) as the millimetre.
+    pub(crate) fn in_units(&self) -> Self {
+        let mut patient_from_voxel = self.patient_from_voxel;
+        let scale = self.unit_mm().recip();
+        patient_from_voxel.affine.matrix3 *= scale;
+        patient_from_voxel.affine.translation *= scale;
+        Self { dims: self.dims, patient_from_voxel }
+    }
+
     /// Unit vectors of i, j and k in patient space.
     #[must_use]
     pub fn axis_directions(&self) -> [DVec3; 3] {
@@ -184,6 +216,19 @@ mod tests {
         assert_eq!(max.xyz, DVec3::new(14.5, 45.0, 21.75));
         assert_eq!(grid.center().xyz, (min.xyz + max.xyz) / 2.0);
         assert!((grid.bounding_radius_mm() - max.distance(min) / 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bodies_are_measured_in_millimetres_and_smaller_things_in_voxels() {
+        let unit = |side: usize, mm: f64| Grid::axis_aligned([side; 3], [mm; 3], [3.0; 3]).unwrap().unit_mm();
+        for (side, mm) in [(512, 0.7), (400, 0.1), (32, 7.5), (4, 10.0), (10, 2.0), (80, 10.0), (10, 1.0)] {
+            assert_eq!(unit(side, mm), 1.0, "{side} voxels of {mm} mm");
+        }
+        for (side, mm) in [(80, 0.1), (1000, 0.035), (80, 1e-4), (80, 100.0)] {
+            assert_eq!(unit(side, mm), mm, "{side} voxels of {mm} mm");
+        }
+        let micro = Grid::axis_aligned([80; 3], [0.25; 3], [2.0; 3]).unwrap().in_units();
+        assert_eq!((micro.spacing_mm(), micro.origin().xyz), ([1.0; 3], DVec3::splat(8.0)));
     }
 
     #[test]

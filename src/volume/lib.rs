@@ -164,7 +164,7 @@ impl Volume {
     /// clones.
     #[must_use]
     pub fn table(&self) -> Option<&Table> {
-        self.derived.table.get_or_init(|| Table::find(self)).as_ref()
+        self.derived.table.get_or_init(|| Table::find(&self.in_units())).as_ref()
     }
 
     /// The volume with air in place of its table (see [`Table`]), or the volume itself if it has no
@@ -196,7 +196,15 @@ impl Volume {
     /// must be removed: see [`Volume::without_table`].
     #[must_use]
     pub fn anatomy(&self) -> Anatomy {
-        *self.derived.anatomy.get_or_init(|| Anatomy::of(self))
+        *self.derived.anatomy.get_or_init(|| Anatomy::of(&self.in_units()))
+    }
+
+    /// The volume as it is judged by lengths that are made for bodies: see [`Grid::unit_mm`].
+    fn in_units(&self) -> Self {
+        match self.grid.unit_mm() {
+            1.0 => self.clone(),
+            _ => Self { grid: self.grid.in_units(), derived: Arc::default(), ..self.clone() },
+        }
     }
 
     /// The mean of each block of 2³ voxels, for pictures that have to be quick; its table is left out.

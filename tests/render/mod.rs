@@ -29,6 +29,7 @@ mod pre_integrated;
 mod projections;
 mod reduced;
 mod refusals;
+mod scale;
 mod skipping;
 mod slices;
 mod slices_peer;

@@ -127,7 +127,11 @@ fn abdomen_case() -> Option<Case> {
 
 /// Extinction per mm and albedo in the middle of small cells of the volume.
 fn medium(case: &Case) -> (Vec<f32>, Vec<f32>, [usize; 3]) {
-    let table = MediumTable::new(&case.request.transfer, case.request.path_trace.density);
+    let table = MediumTable::new(
+        &case.request.transfer,
+        case.request.path_trace.density,
+        case.volume.grid().unit_mm(),
+    );
     let dims = case.volume.grid().dims();
     let cells = dims.map(|count| count * CELLS_PER_VOXEL);
     let hu = |i: [usize; 3]| {

@@ -28,6 +28,6 @@ fn a_request_out_of_range_is_refused_and_harms_no_later_one() {
     let mut bad = scene.request.clone();
     bad.sample_distance_mm = f64::NAN;
     let message = renderer.render(&volume, &bad).unwrap_err().to_string();
-    assert!(message.contains("sample_distance_mm is NaN, allowed: 0.01 to 100"), "{message}");
+    assert!(message.contains("sample_distance_mm is NaN, allowed: 0.000001 to 100"), "{message}");
     renderer.render(&volume, &scene.request).expect("a good request still renders");
 }

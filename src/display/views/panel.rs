@@ -62,6 +62,9 @@ pub enum PanelError {
          stripes of red, green and blue are supported"
     )]
     SubpixelCells,
+    /// The panel is mounted upside down.
+    #[error("the calibration sets flipImageY, which turns pictures upside down; this is not supported")]
+    FlippedRows,
 }
 
 impl Default for LensPanel {
@@ -143,6 +146,8 @@ struct LookingGlass {
     #[serde(default)]
     flip_image_x: Option<Value>,
     #[serde(default)]
+    flip_image_y: Option<Value>,
+    #[serde(default)]
     flip_subp: Option<Value>,
     #[serde(default)]
     subpixel_cells: Vec<serde_json::Value>,
@@ -158,6 +163,9 @@ impl LookingGlass {
             return Err(PanelError::SubpixelCells);
         }
         let is_set = |value: Option<Value>, usual: bool| value.map_or(usual, |value| value.value != 0.0);
+        if is_set(self.flip_image_y, false) {
+            return Err(PanelError::FlippedRows);
+        }
         let mirror = if is_set(self.flip_image_x, false) { -1.0 } else { 1.0 };
         let slant_up = mirror / self.slope.value;
         let pitch_px = self.dots_per_inch.value / (self.pitch.value * (1.0 / self.slope.value).atan().cos());
@@ -244,6 +252,8 @@ mod tests {
         let cells = r#"{"serial": "x", "pitch": {"value": 45}, "slope": {"value": -5}, "center": {"value": 0}, "DPI": {"value": 324},
             "screenH": {"value": 2048}, "subpixelCells": [{}]}"#;
         assert!(refused(cells).contains("subpixelCells"));
+        let turned = cells.replace(r#""subpixelCells": [{}]"#, r#""flipImageY": {"value": 1}"#);
+        assert!(refused(&turned).contains("flipImageY"), "{}", refused(&turned));
         let flat = cells.replace("-5", "0").replace("[{}]", "[]");
         assert!(refused(&flat).contains("allowed"), "{}", refused(&flat));
     }

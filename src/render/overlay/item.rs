@@ -226,7 +226,7 @@ impl OverlayItem {
             Self::Landmark(Landmark { at, radius, rgb, label }) => {
                 path.point("at_mm", *at)?;
                 match *radius {
-                    Radius::Mm(mm) => path.within("radius_mm", mm, [0.01, 1000.0])?,
+                    Radius::Mm(mm) => path.within("radius_mm", mm, [0.000_001, 1000.0])?,
                     Radius::Px(px) => path.within("radius_px", px, [0.5, 500.0])?,
                 }
                 label.as_ref().map_or(Ok(()), |label| path.line("label", label))?;

@@ -21,7 +21,7 @@ pub(super) struct Medium {
 impl Medium {
     pub(super) fn upload(gpu: &Gpu, volume: &VolumeOnGpu, request: &RenderRequest) -> Result<Self, GpuError> {
         let density = request.path_trace.density;
-        let table = MediumTable::new(&request.transfer, density);
+        let table = MediumTable::new(&request.transfer, density, volume.unit_mm);
         let (bounds, dims) = brick_bounds(volume, &table);
         let scope = ErrorScope::open(gpu, "a medium");
         let entries: &[u8] = bytemuck::cast_slice(&table.entries);

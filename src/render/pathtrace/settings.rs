@@ -90,7 +90,7 @@ impl PathTrace {
         within("anisotropy", self.anisotropy, -0.95, 0.95)?;
         within("surface", self.surface, 0.0, 1.0)?;
         within("scatterings", f64::from(self.scatterings), 1.0, f64::from(Self::MAX_SCATTERINGS))?;
-        within("surface_hu_per_mm", self.surface_hu_per_mm, 0.01, 10_000.0)?;
+        within("surface_hu_per_mm", self.surface_hu_per_mm, 0.01, 100_000_000.0)?;
         let Some(pixels) = pixels else { return Ok(()) };
         let most = Self::MAX_COLLISIONS / (pixels.max(1) * u64::from(self.scatterings));
         if u64::from(self.passes) > most {

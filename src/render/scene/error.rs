@@ -90,7 +90,7 @@ pub(super) fn transfer_out_of_range(error: TransferError) -> OutOfRange {
         TransferError::Gradient { index, what, found, allowed } => {
             OutOfRange::new(format!("transfer.gradient_opacity.points[{index}].{what}"), found, allowed)
         }
-        TransferError::Unit(mm) => OutOfRange::new("transfer.opacity_unit_mm", mm, "0.001 to 1000"),
+        TransferError::Unit(mm) => OutOfRange::new("transfer.opacity_unit_mm", mm, "0.000001 to 1000000"),
         TransferError::Window { what, found, allowed } => {
             OutOfRange::new(format!("transfer.window.{what}"), found, allowed)
         }

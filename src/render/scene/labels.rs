@@ -274,8 +274,8 @@ impl Looks<'_> {
     /// The number of a transfer function, a new one for a new function; 0 where none is written.
     fn transfer(&mut self, path: &str, file: Option<TransferFile>) -> Result<usize, SceneError> {
         let Some(file) = file else { return Ok(0) };
-        let (transfer, _) =
-            resolve_transfer(Some(file), self.windows, None).map_err(|error| match error {
+        let (transfer, _) = resolve_transfer(Some(file), self.windows, None, self.map.grid().unit_mm())
+            .map_err(|error| match error {
                 SceneError::Range(error) => SceneError::Range(error.within(path)),
                 syntax @ SceneError::Syntax { .. } => syntax,
             })?;

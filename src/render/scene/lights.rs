@@ -132,7 +132,8 @@ impl PathTraceFile {
         Self { scatterings, denoise: denoise.or(self.denoise), ..self }
     }
 
-    pub(super) fn resolve(self) -> PathTrace {
+    /// `unit_mm` is the unit of the volume: see [`relief_volume::Grid::unit_mm`].
+    pub(super) fn resolve(self, unit_mm: f64) -> PathTrace {
         let usual = PathTrace::default();
         PathTrace {
             passes: self.passes.map_or(usual.passes, |passes| passes.0),
@@ -142,7 +143,7 @@ impl PathTraceFile {
             exposure: self.exposure.unwrap_or(usual.exposure),
             anisotropy: self.anisotropy.unwrap_or(usual.anisotropy),
             surface: self.surface.unwrap_or(usual.surface),
-            surface_hu_per_mm: self.surface_hu_per_mm.unwrap_or(usual.surface_hu_per_mm),
+            surface_hu_per_mm: self.surface_hu_per_mm.unwrap_or(usual.surface_hu_per_mm / unit_mm),
             scatterings: self.scatterings.map_or(usual.scatterings, |count| count.0),
             denoise: self.denoise.unwrap_or(usual.denoise),
         }

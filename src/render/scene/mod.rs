@@ -385,7 +385,7 @@ impl SceneFile {
         let windows = if is_slice { Windows::Opaque } else { Windows::Translucent };
         let chooses = self.transfer.is_none() && (is_slice || has_look(self.mode));
         let chosen = if chooses { content.anatomy() } else { None };
-        let (transfer, preset) = resolve_transfer(self.transfer, windows, chosen)?;
+        let (transfer, preset) = resolve_transfer(self.transfer, windows, chosen, grid.unit_mm())?;
         let mode = slice.map_or_else(
             || self.mode.unwrap_or_else(|| default_mode(preset)),
             |slice| Mode::Slice(slice.blend),
@@ -416,7 +416,7 @@ impl SceneFile {
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
             overlays: Arc::new(self.overlays.resolve()?),
             lights: resolve_lights(self.lights, mode)?,
-            path_trace: self.path_trace.unwrap_or_default().resolve(),
+            path_trace: self.path_trace.unwrap_or_default().resolve(grid.unit_mm()),
         };
         request.sample_distance_mm = Quality::resolve(self.quality, self.sample_distance_mm, &request, grid)?;
         if let Some(framing) = (!has_own_view).then(|| subject.framing(frame, &request)).flatten() {

@@ -67,7 +67,7 @@ fn depth_rules_and_spheres_that_are_wrong_are_named_with_path_value_and_range() 
         (r#"{"depth":{"rule":"two-layer","fraction":0}}"#, &["depth.fraction is 0", "to 1"]),
         (
             r#"{"clip":{"sphere":{"center_mm":[0,0,0],"radius_mm":0}}}"#,
-            &["clip.sphere.radius_mm is 0", "0.01 to 10000 mm"],
+            &["clip.sphere.radius_mm is 0", "0.000001 to 10000 mm"],
         ),
         (
             r#"{"clip":{"sphere":{"center_mm":[0,2e6,0],"radius_mm":5}}}"#,
@@ -92,7 +92,7 @@ fn every_part_that_is_wrong_is_named_with_path_value_and_range() {
     };
     for (json, parts) in [
         (r#"{"sise_px":[1,1]}"#.to_owned(), &["sise_px", "unknown field"][..]),
-        (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.01 to 100"]),
+        (r#"{"sample_distance_mm":0}"#.to_owned(), &["sample_distance_mm is 0", "0.000001 to 100"]),
         (r#"{"budget_ms":0.5}"#.to_owned(), &["budget_ms is 0.5", "1 to 60000 ms"]),
         (r#"{"sample_distance_mm":1e999}"#.to_owned(), &["sample_distance_mm", "out of range"]),
         (r#"{"size_px":[0,5]}"#.to_owned(), &["size_px is 0", "1 to 8192"]),

@@ -144,16 +144,18 @@ impl Windows {
     }
 }
 
-/// The transfer function, and the preset it came from.
+/// The transfer function, and the preset it came from. Opacities whose unit is not written are per
+/// `unit_mm` (see [`relief_volume::Grid::unit_mm`]).
 pub(super) fn resolve_transfer(
     file: Option<TransferFile>,
     windows: Windows,
     anatomy: Option<Anatomy>,
+    unit_mm: f64,
 ) -> Result<(TransferFunction, Option<&'static Preset>), SceneError> {
     match file.unwrap_or_else(|| windows.default_transfer(anatomy)) {
         TransferFile::Preset(name) => {
             let found = preset(&name).ok_or_else(|| OutOfRange::new("transfer", name, preset_names()))?;
-            Ok((found.transfer(), Some(found)))
+            Ok((found.transfer().scaled(unit_mm), Some(found)))
         }
         TransferFile::Function(FunctionFile {
             points: Some(points),
@@ -162,7 +164,7 @@ pub(super) fn resolve_transfer(
             window: None,
         }) => {
             let points = points.into_iter().map(|PointFile { hu, rgba }| ControlPoint { hu, rgba }).collect();
-            let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(1.0));
+            let transfer = TransferFunction::new(points, opacity_unit_mm.unwrap_or(unit_mm));
             let transfer = transfer.map_err(transfer_out_of_range)?;
             Ok((with_gradient_opacity(transfer, gradient_opacity)?, None))
         }
@@ -171,7 +173,7 @@ pub(super) fn resolve_transfer(
             opacity_unit_mm: None,
             gradient_opacity: None,
             window: Some(window),
-        }) => Ok((windows.transfer(&window)?, None)),
+        }) => Ok((windows.transfer(&window)?.scaled(unit_mm), None)),
         TransferFile::Function(_) => {
             let allowed = "either points (and opacity_unit_mm, gradient_opacity) or a window";
             Err(OutOfRange::new("transfer", "neither or both", allowed).into())

@@ -43,6 +43,17 @@ impl GradientOpacity {
         Ok(Self { points })
     }
 
+    /// The same in a volume whose lengths are `scale` times as large.
+    pub(super) fn scaled(self, scale: f64) -> Self {
+        Self {
+            points: self
+                .points
+                .into_iter()
+                .map(|[hu_per_mm, opacity]| [hu_per_mm / scale, opacity])
+                .collect(),
+        }
+    }
+
     /// Magnitude, HU per mm, and opacity of each point.
     #[must_use]
     pub fn points(&self) -> &[[f64; 2]] {

@@ -21,21 +21,23 @@ pub struct MediumTable {
 }
 
 impl MediumTable {
-    /// Largest extinction per mm: light passes 0.1 mm of it on average. Denser material is clamped
-    /// to it.
+    /// Largest extinction per unit of the volume: light passes a tenth of it on average. Denser
+    /// material is clamped to it.
     pub const MAX_EXTINCTION: f64 = 10.0;
 
-    /// The medium of a transfer function whose extinction is multiplied by `density`.
+    /// The medium of a transfer function whose extinction is multiplied by `density`, in a volume of
+    /// `volume_unit_mm` (see [`crate::Grid::unit_mm`]).
     #[must_use]
-    pub fn new(transfer: &TransferFunction, density: f64) -> Self {
+    pub fn new(transfer: &TransferFunction, density: f64, volume_unit_mm: f64) -> Self {
         let unit_mm = transfer.opacity_unit_mm();
+        let largest = Self::MAX_EXTINCTION / volume_unit_mm;
         let TransferTable { first_hu, step_hu, entries, .. } = TransferTable::new(transfer, unit_mm);
         let entry = |i: usize| {
             let hu = f64::from(first_hu) + i as f64 * f64::from(step_hu);
             let [r, g, b, opacity] = transfer.at(hu);
             let extinction = -(-opacity).ln_1p() / unit_mm * density;
             let [r, g, b] = [r, g, b].map(linear_from_srgb);
-            [r, g, b, extinction.min(Self::MAX_EXTINCTION)].map(|value| value as f32)
+            [r, g, b, extinction.min(largest)].map(|value| value as f32)
         };
         let entries: Vec<_> = (0..entries.len()).map(entry).collect();
         let maxima = maxima(entries.iter().map(|entry| entry[3]).collect());
@@ -90,7 +92,7 @@ mod tests {
 
     #[test]
     fn opacity_over_a_length_becomes_extinction_per_mm() {
-        let table = MediumTable::new(&transfer(&[(0.0, 0.0), (100.0, 0.36)], 2.0), 1.5);
+        let table = MediumTable::new(&transfer(&[(0.0, 0.0), (100.0, 0.36)], 2.0), 1.5, 1.0);
         let [r, g, b, extinction] = table.entries[table.entries.len() - 1];
         assert!((f64::from(extinction) - 1.5 * -(0.64f64.ln()) / 2.0).abs() < 1e-6);
         assert!((r - 0.214_041).abs() < 1e-5 && g == 1.0 && b == 0.0, "{r} {g} {b}");
@@ -98,15 +100,17 @@ mod tests {
 
     #[test]
     fn opaque_material_has_the_largest_extinction() {
-        let table = MediumTable::new(&transfer(&[(0.0, 1.0)], 1.0), 1.0);
+        let table = MediumTable::new(&transfer(&[(0.0, 1.0)], 1.0), 1.0, 1.0);
         assert_eq!(table.largest_extinction(-5.0, 5.0), 10.0);
+        let micro = MediumTable::new(&transfer(&[(0.0, 1.0)], 0.01), 1.0, 0.01);
+        assert_eq!(micro.largest_extinction(-5.0, 5.0), 1000.0);
     }
 
     #[test]
     fn no_value_in_a_range_exceeds_its_largest_extinction() {
         let points = [(-900.0, 0.0), (-300.0, 0.2), (0.0, 0.01), (50.0, 0.7), (60.0, 0.0), (1500.0, 0.4)];
         let function = transfer(&points, 1.0);
-        let table = MediumTable::new(&function, 1.0);
+        let table = MediumTable::new(&function, 1.0, 1.0);
         for low in (-1000..1700).step_by(37) {
             for width in [0, 1, 9, 60, 700, 2500] {
                 let bound = f64::from(table.largest_extinction(low as f32, (low + width) as f32));

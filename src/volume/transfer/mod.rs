@@ -98,7 +98,7 @@ pub enum TransferError {
         allowed: String,
     },
     /// The opacity unit is not a usable length.
-    #[error("opacity unit is {0} mm, allowed: 0.001 to 1000")]
+    #[error("opacity unit is {0} mm, allowed: 0.000001 to 1000000")]
     Unit(f64),
 }
 
@@ -114,7 +114,7 @@ impl TransferFunction {
         if points.is_empty() || points.len() > Self::MAX_POINTS {
             return Err(TransferError::Count(points.len()));
         }
-        if !(0.001..=1000.0).contains(&opacity_unit_mm) {
+        if !(1e-6..=1e6).contains(&opacity_unit_mm) {
             return Err(TransferError::Unit(opacity_unit_mm));
         }
         for (index, point) in points.iter().enumerate() {
@@ -133,6 +133,14 @@ impl TransferFunction {
     #[must_use]
     pub fn with_gradient_opacity(self, gradient_opacity: GradientOpacity) -> Self {
         Self { gradient_opacity: Some(gradient_opacity), ..self }
+    }
+
+    /// The same look in a volume whose lengths are `scale` times as large: opacities are per a path
+    /// that is longer by as much, and gradients are smaller.
+    #[must_use]
+    pub fn scaled(self, scale: f64) -> Self {
+        let gradient_opacity = self.gradient_opacity.map(|function| function.scaled(scale));
+        Self { opacity_unit_mm: self.opacity_unit_mm * scale, gradient_opacity, ..self }
     }
 
     /// The factor of opacities, where there is one.
