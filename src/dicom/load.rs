@@ -14,6 +14,7 @@ use super::codec::{self, Frames};
 use super::discover::{Strictness, header_warnings};
 use super::error::{Defect, Error, Reasons};
 use super::file_bytes::Bytes;
+use super::formats::ReadVolume;
 use super::header::{FileHeader, FrameHeader};
 use super::identity::SeriesIdentity;
 use super::pixels;
@@ -43,11 +44,12 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// A volume that comes from elsewhere: without warnings, and of no study.
+    /// A volume of another format than DICOM, which is of no study.
     #[must_use]
-    pub fn of_volume(volume: Volume) -> Self {
+    pub fn of_volume(read: ReadVolume) -> Self {
+        let ReadVolume { volume, warnings } = read;
         let identity = SeriesIdentity::default();
-        Self { volume, warnings: Vec::new(), identity, reference: None, stack_sha256: OnceLock::new() }
+        Self { volume, warnings, identity, reference: None, stack_sha256: OnceLock::new() }
     }
 
     /// SHA-256 of the HU stack as read: little-endian 16-bit, (z, y, x) order, ascending along row

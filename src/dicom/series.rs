@@ -57,6 +57,12 @@ impl SeriesEntry {
         syntaxes.join(",")
     }
 
+    /// The type of the values (RescaleType), such as MGML, where it is not HU.
+    #[must_use]
+    pub fn other_values(&self) -> Option<&str> {
+        self.frames.iter().find_map(|frame| frame.file.other_values.as_deref())
+    }
+
     /// Columns, rows and slices, as found.
     #[must_use]
     pub fn dims(&self) -> [usize; 3] {

@@ -1,6 +1,6 @@
 //! Warnings: anomalies of a series, and how each was handled.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A message for the user of a volume.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -12,7 +12,7 @@ pub struct Warning {
 }
 
 /// The kinds of warnings; their names in JSON are stable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WarningCode {
     /// Slices are sheared against their normal; the volume was resampled.
@@ -39,6 +39,29 @@ pub enum WarningCode {
     GuessedEncoding,
     /// The images were compressed with loss.
     LossyCompression,
+}
+
+impl WarningCode {
+    /// The anomaly in one sentence, for people who do not see the files: it names none, and no values.
+    #[must_use]
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::GantryTilt => "The slices are tilted; the volume was resampled.",
+            Self::UnevenSpacing => "The distances between slices differ; the volume was resampled.",
+            Self::DuplicatePosition => "Several slices have one position; one of them is shown.",
+            Self::MixedSlices => {
+                "The slices differ in derivation, kernel, energy or thickness, or passes overlap."
+            }
+            Self::DuplicateFile => "An image was there twice; one copy is shown.",
+            Self::BadFile => "A file could not be used; the series may be incomplete.",
+            Self::SingleSlice => "There is only one slice.",
+            Self::MissingRescale => "The files have no rescale values; stored values are taken as HU.",
+            Self::OtherValues => "The values are not in HU.",
+            Self::ClippedValues => "Values beyond 16 bits are clipped.",
+            Self::GuessedEncoding => "A file does not declare its encoding; it was guessed.",
+            Self::LossyCompression => "The images were compressed with loss.",
+        }
+    }
 }
 
 impl Warning {

@@ -49,6 +49,51 @@ fn json_has_the_geometry_and_the_hash_of_the_facts() {
     assert!(skipped[0]["reason"].as_str().unwrap().contains("RTSTRUCT"), "{skipped:?}");
 }
 
+/// Invariant: A volume of another format is described like a series.
+#[test]
+fn a_volume_of_nifti_is_described_like_a_series() {
+    let folder = tempfile::tempdir().unwrap();
+    let volume = folder.path().join("ct.nii.gz");
+    // 3 x 2 x 2 voxels of 0.5 x 1 x 2 mm; NIfTI's axes point to the patient's right and front.
+    let mut header = [0u8; 352];
+    header[..4].copy_from_slice(&348i32.to_le_bytes());
+    let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
+    for (index, side) in [3i16, 3, 2, 2, 1, 1, 1, 1].into_iter().enumerate() {
+        put(40 + 2 * index, &side.to_le_bytes());
+    }
+    put(70, &4i16.to_le_bytes());
+    put(72, &16i16.to_le_bytes());
+    put(108, &352f32.to_le_bytes());
+    put(254, &1i16.to_le_bytes());
+    put(344, b"n+1\0");
+    let rows = [[0.5f32, 0.0, 0.0, 10.0], [0.0, 1.0, 0.0, 20.0], [0.0, 0.0, 2.0, 30.0]];
+    for (index, value) in rows.as_flattened().iter().enumerate() {
+        put(280 + 4 * index, &value.to_le_bytes());
+    }
+    let voxels: Vec<u8> = (-5i16..7).flat_map(i16::to_le_bytes).collect();
+    let write = |header: &[u8]| {
+        let file = std::fs::File::create(&volume).unwrap();
+        let mut packed = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        std::io::Write::write_all(&mut packed, &[header, &voxels].concat()).unwrap();
+        packed.finish().unwrap();
+    };
+    write(&header);
+    let report = json(&inspect(&volume, &["--json"]));
+    let series = &report["series"][0];
+    assert_eq!(numbers(&series["dims"]), [3.0, 2.0, 2.0], "{report}");
+    assert_eq!(numbers(&series["spacing_mm"]), [0.5, 1.0, 2.0]);
+    assert_eq!(numbers(&series["origin_mm"]), [-10.0, -20.0, 30.0]);
+    assert_eq!(series["hu_range"], serde_json::json!([-5, 6]));
+    let table = String::from_utf8(inspect(&volume, &[]).stdout).unwrap();
+    assert!(table.contains("voxels          3 x 2 x 2"), "{table}");
+    // An s-form of zeros names itself.
+    header[280..328].fill(0);
+    write(&header);
+    let refused = inspect(&volume, &[]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("srow_x, srow_y, srow_z"), "{said}");
+}
+
 #[test]
 fn warnings_have_codes_and_messages() {
     let Some(folder) = unpacked("warnings of relief inspect", "head-ge-varspacing-tilt", &[]) else { return };

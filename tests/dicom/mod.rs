@@ -6,5 +6,6 @@ mod limits;
 mod made;
 mod malformed;
 mod quirks;
+mod random;
 mod series;
 mod sharing;

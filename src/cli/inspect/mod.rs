@@ -30,15 +30,16 @@ use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
 #[command(after_help = "\
 Examples:
   relief inspect chest
+  relief inspect chest.nii.gz
   relief inspect frame.png --json
   relief inspect session.mkv
   relief inspect panel.json
   relief inspect 'dicomweb+https://ct-server/dicom-web?PatientID=4711&Modality=CT' --archive-login-file login")]
 pub(super) struct InspectArguments {
-    /// CT series (folder, file, DICOMDIR or zip), a 2D-plus-depth frame (PNG), a film of frames (.mkv,
+    /// CT series (folder, file, DICOMDIR or zip), a volume (.nii, .nii.gz, .nrrd), a 2D-plus-depth frame (PNG), a film of frames (.mkv,
     /// .mp4 and others), a panel (.json) or a DICOM archive (dicomweb+https://HOST/ROOT, with
     /// /studies/UID or ?ATTRIBUTE=VALUE if wanted)
-    #[arg(value_name = "SERIES|FRAME.png|FILM|PANEL.json|ARCHIVE")]
+    #[arg(value_name = "SERIES|VOLUME|FRAME.png|FILM|PANEL.json|ARCHIVE")]
     path: PathBuf,
     /// Print one JSON object
     #[arg(long)]
@@ -73,6 +74,8 @@ struct SeriesReport {
     /// Columns are the voxel axes in LPS; row-major.
     direction: [f64; 9],
     hu_range: [i16; 2],
+    /// The type of the values: HU, or RescaleType as the files have it.
+    value_type: String,
     stack_sha256: String,
     transfer_syntax: String,
     /// What distinguishes its slices from others of the same SeriesInstanceUID.
@@ -129,6 +132,10 @@ fn is_png(path: &Path) -> bool {
 }
 
 fn report(arguments: &InspectArguments) -> anyhow::Result<InspectReport> {
+    if relief_dicom::is_volume_file(&arguments.path) {
+        let series = SeriesReport::of_volume(&source::read_file(&arguments.path)?);
+        return Ok(InspectReport { series: vec![series], skipped: Vec::new() });
+    }
     let strictness = source::strictness(arguments.strict);
     let found = source::discover(&arguments.path, strictness)?;
     let mut report = InspectReport { series: Vec::new(), skipped: found.skipped.clone() };
@@ -148,19 +155,32 @@ fn report(arguments: &InspectArguments) -> anyhow::Result<InspectReport> {
 
 impl SeriesReport {
     fn new(entry: &SeriesEntry, loaded: &Loaded) -> Self {
-        let grid = loaded.volume.grid();
-        let (low, high) = loaded.volume.range_hu();
         Self {
             uid: entry.uid().to_owned(),
             modality: entry.modality().to_owned(),
+            transfer_syntax: entry.transfer_syntax(),
+            differs: entry.differs().to_vec(),
+            value_type: entry.other_values().unwrap_or("HU").to_owned(),
+            ..Self::of_volume(loaded)
+        }
+    }
+
+    /// A volume of another format than DICOM, which has no series.
+    fn of_volume(loaded: &Loaded) -> Self {
+        let grid = loaded.volume.grid();
+        let (low, high) = loaded.volume.range_hu();
+        Self {
+            uid: String::new(),
+            modality: String::new(),
             dims: grid.dims(),
             spacing_mm: grid.spacing_mm(),
             origin_mm: grid.origin().xyz.to_array(),
             direction: grid.direction(),
             hu_range: [low, high],
+            value_type: "HU".to_owned(),
             stack_sha256: HEXLOWER.encode(&loaded.stack_sha256()),
-            transfer_syntax: entry.transfer_syntax(),
-            differs: entry.differs().to_vec(),
+            transfer_syntax: String::new(),
+            differs: Vec::new(),
             warnings: loaded.warnings.clone(),
         }
     }
@@ -185,7 +205,8 @@ fn print_series(series: &SeriesReport) {
         "series            {}",
         if series.uid.is_empty() { "(empty UID)".into() } else { printable(&series.uid) }
     );
-    say!("  modality        {}", printable(&series.modality));
+    let or_none = |text: &str| if text.is_empty() { "(none)".into() } else { printable(text).to_string() };
+    say!("  modality        {}", or_none(&series.modality));
     say!("  voxels          {nx} x {ny} x {nz}");
     say!("  spacing         {} mm", millimetres(series.spacing_mm));
     say!("  first voxel     {} mm, LPS", series.origin_mm.map(|mm| format!("{mm:.3}")).join(", "));
@@ -193,9 +214,14 @@ fn print_series(series: &SeriesReport) {
         let components = [0, 3, 6].map(|row| format!("{:.6}", series.direction[row + axis]));
         say!("  axis {name}          {}", components.join(", "));
     }
-    say!("  values          {} to {} HU", series.hu_range[0], series.hu_range[1]);
+    let [low, high] = series.hu_range;
+    let unit = match series.value_type.as_str() {
+        "HU" => "HU".to_owned(),
+        other => format!("of RescaleType {}, not HU", printable(other)),
+    };
+    say!("  values          {low} to {high} {unit}");
     say!("  stack SHA-256   {}", series.stack_sha256);
-    say!("  transfer syntax {}", printable(&series.transfer_syntax));
+    say!("  transfer syntax {}", or_none(&series.transfer_syntax));
     for differs in &series.differs {
         say!("  stack           {}", printable(differs));
     }

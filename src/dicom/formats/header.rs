@@ -25,7 +25,6 @@ pub(super) struct Header {
     pub(super) layers: usize,
     pub(super) voxel: Voxel,
     pub(super) scale: Scale,
-    pub(super) warnings: Vec<String>,
 }
 
 /// A header's description of a segment.

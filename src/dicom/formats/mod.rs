@@ -29,6 +29,7 @@ pub use nifti_write::write_nifti_labels;
 pub use segmentation::{ReadLabels, ReadLayers};
 pub use write::{write_seg_nrrd, write_seg_nrrd_layers};
 
+use super::warnings::{Warning, WarningCode};
 use bytes::{Source, VolumeFormat};
 use header::{Described, Header};
 use relief_volume::{Grid, Volume};
@@ -38,8 +39,8 @@ use relief_volume::{Grid, Volume};
 pub struct ReadVolume {
     /// The volume in HU and patient LPS.
     pub volume: Volume,
-    /// How each anomaly was handled, as sentences.
-    pub warnings: Vec<String>,
+    /// Anomalies, and how each was handled.
+    pub warnings: Vec<Warning>,
 }
 
 /// Whether a file begins as one of these formats does. A file that cannot be read does not.
@@ -132,10 +133,11 @@ pub fn read_volume_within(limits: FormatLimits, path: &Path) -> Result<ReadVolum
         clamped += u64::from(hu < f64::from(i16::MIN) || hu > f64::from(i16::MAX));
         Ok(hu as i16)
     })?;
-    let mut warnings = header.warnings.clone();
-    if clamped > 0 {
-        warnings.push(format!("{clamped} voxels beyond -32768..32767 HU have the nearer of the two"));
-    }
+    let clipped = (clamped > 0).then(|| {
+        let message = format!("{clamped} voxels beyond -32768..32767 HU have the nearer of the two");
+        Warning::new(WarningCode::ClippedValues, message)
+    });
+    let warnings = clipped.into_iter().collect();
     let volume = Volume::new(grid.clone(), voxels).map_err(|_| FormatError::Cut { expected: 0, found: 0 })?;
     Ok(ReadVolume { volume, warnings })
 }

@@ -87,7 +87,6 @@ pub(super) fn read(source: &mut Source) -> Result<Described, FormatError> {
         layers: 1,
         voxel: Voxel { number: number(fields.i16(if is_second { 12 } else { 70 }))?, is_big_endian },
         scale: scale(&fields)?,
-        warnings: Vec::new(),
     };
     let between = source.take((offset - length as u64) as usize)?;
     Ok(Described { header, segments: segments(&between, is_big_endian) })
@@ -189,6 +188,19 @@ fn lps_from_voxel(fields: &Fields) -> Result<LpsFromVoxel, FormatError> {
             return Err(FormatError::header("qform_code and sform_code", "0", allowed));
         }
     };
+    if axes.determinant() == 0.0 {
+        let form = if sform > 0 { "srow_x, srow_y, srow_z" } else { "pixdim" };
+        let found = format!(
+            "columns {:?}, {:?}, {:?}",
+            axes.x_axis.to_array(),
+            axes.y_axis.to_array(),
+            axes.z_axis.to_array()
+        );
+        let other =
+            if sform > 0 && qform > 0 { "; the q-form may be right: set sform_code to 0" } else { "" };
+        let allowed = format!("three independent directions of the voxel axes{other}");
+        return Err(FormatError::header(form, found, allowed));
+    }
     // The unit of length is in three bits; 0 says nothing and is mm in practice.
     let unit = if fields.is_second { fields.i32(500) } else { i64::from(fields.bytes[123]) } & 7;
     let mm = match unit {

@@ -85,7 +85,7 @@ pub(super) fn read(source: &mut Source) -> Result<Described, FormatError> {
     let (layers, dims) = sizes(&lines)?;
     let grid = Grid::new(dims, lps_from_voxel(&lines, layers > 1)?)?;
     let voxel = Voxel { number, is_big_endian: is_big_endian(&lines, number)? };
-    let header = Header { grid, layers, voxel, scale: Scale::NONE, warnings: Vec::new() };
+    let header = Header { grid, layers, voxel, scale: Scale::NONE };
     let segments = segments(&lines, layers);
     match lines.required("encoding")?.to_lowercase().as_str() {
         "raw" => {}

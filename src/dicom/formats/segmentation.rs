@@ -39,7 +39,7 @@ pub(super) fn read_layers(
         map_of(header, &own, described)
     };
     let layers = (0..count).map(layer).collect::<Result<_, _>>()?;
-    Ok(ReadLayers { layers, warnings: header.warnings.clone() })
+    Ok(ReadLayers { layers, warnings: Vec::new() })
 }
 
 /// Reads the voxels. Of segments that overlap, the one of the later layer has the voxel.
@@ -49,7 +49,7 @@ pub(super) fn read(
     described: Vec<NamedSegment>,
 ) -> Result<ReadLabels, FormatError> {
     let labels = values_of(source, header)?;
-    let mut warnings = header.warnings.clone();
+    let mut warnings = Vec::new();
     let (labels, described) = flatten(labels, header.layers, described, &mut warnings);
     Ok(ReadLabels { map: map_of(header, &labels, &described)?, warnings })
 }
