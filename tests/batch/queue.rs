@@ -45,8 +45,7 @@ impl Worker {
 
     #[cfg(unix)]
     fn terminate(&self) {
-        let id = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        assert!(common::child::signal("TERM", self.process.id()));
     }
 }
 

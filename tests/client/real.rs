@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use relief_tracking::{Beacon, SensorPath as HandPath, SensorPose, Simulation, recording_line};
 use serde_json::Value;
 
-use crate::common::child::LastLines;
+use crate::common::child::{LastLines, signal};
 
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
@@ -246,9 +246,7 @@ impl Process {
     }
 
     fn stop(mut self) {
-        assert!(
-            Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().unwrap().success()
-        );
+        assert!(signal("INT", self.process.id()));
         assert!(self.process.wait().unwrap().success());
     }
 }

@@ -190,8 +190,7 @@ fn views_in_the_window_follow_tracked_eyes() {
         std::thread::sleep(Duration::from_millis(20));
     }
     // The time is reported at the end.
-    let ended = Command::new("kill").args(["-TERM", &client.0.id().to_string()]).status().unwrap();
-    assert!(ended.success());
+    assert!(crate::common::child::signal("TERM", client.0.id()));
     let mut errors = client.0.stderr.take().unwrap();
     let mut said = String::new();
     std::io::Read::read_to_string(&mut errors, &mut said).unwrap();

@@ -11,9 +11,8 @@ use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::ClientRequestBuilder;
 
-use crate::cluster::stage::{
-    Answer, Cluster, PATIENCE, ask, can_run, get, lone, phantom, signal, until, volumes,
-};
+use crate::cluster::stage::{Answer, Cluster, PATIENCE, ask, can_run, get, lone, phantom, until, volumes};
+use crate::common::child::signal;
 
 const REQUESTS: usize = 1000;
 const CLIENTS: usize = 4;
@@ -160,7 +159,7 @@ fn storm(cluster: &Cluster, volume: &str, paths: &[String], expected: &HashMap<&
         until("a third of the frames", || done.load(Ordering::SeqCst) > REQUESTS / 3);
         // The one that has the work.
         let (pid, _) = cluster.servers.iter().max_by_key(|(_, address)| rendered(address)).unwrap();
-        signal("-KILL", *pid);
+        signal("KILL", *pid);
         killed_at = done.load(Ordering::SeqCst);
         until("all frames", || done.load(Ordering::SeqCst) == REQUESTS);
         is_over.store(true, Ordering::SeqCst);

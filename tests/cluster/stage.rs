@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::common::child::LastLines;
+use crate::common::child::{LastLines, signal};
 
 pub(crate) const RELIEF: &str = env!("CARGO_BIN_EXE_relief");
 
@@ -77,7 +77,7 @@ impl Process {
 
     /// Its exit status after SIGTERM.
     pub(crate) fn stop(mut self) -> Option<i32> {
-        signal("-TERM", self.0.id());
+        signal("TERM", self.0.id());
         self.0.wait().unwrap().code()
     }
 }
@@ -85,14 +85,10 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         if self.0.try_wait().is_ok_and(|ended| ended.is_none()) {
-            signal("-TERM", self.0.id());
+            signal("TERM", self.0.id());
             let _ = self.0.wait();
         }
     }
-}
-
-pub(crate) fn signal(name: &str, pid: u32) {
-    let _ = Command::new("kill").args([name, &pid.to_string()]).status();
 }
 
 fn address_in(line: &str) -> String {

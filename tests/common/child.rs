@@ -13,6 +13,12 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
+/// Sends a signal, such as TERM; returns whether there is such a process. By the shell: small systems
+/// have no program `kill`.
+pub(crate) fn signal(name: &str, pid: u32) -> bool {
+    Command::new("sh").args(["-c", &format!("kill -{name} {pid}")]).status().unwrap().success()
+}
+
 /// Collects the last lines of a process' standard error, and prints them when it is dropped by a failing
 /// test. End the process first: declare this field after the process.
 pub(crate) struct LastLines {

@@ -44,7 +44,7 @@ fn pictures_are_right_with(fault: &str) -> Option<String> {
         assert!(found == expected, "picture {number} is another one");
     }
     faulty.await_ready();
-    let (status, log) = faulty.stop("-TERM");
+    let (status, log) = faulty.stop("TERM");
     assert_eq!(status, Some(0), "{log}");
     Some(log)
 }
@@ -108,7 +108,7 @@ fn a_full_disk_refuses_edits_and_loses_none() {
             .starts_with("HTTP/1.1 200")
     );
     running.await_ready();
-    assert_eq!(running.stop("-TERM").0, Some(0));
+    assert_eq!(running.stop("TERM").0, Some(0));
     // With room again, edits go on.
     let (running, id) = annotating(&series, &log, &[]);
     assert_eq!(names(&running, &id), kept);

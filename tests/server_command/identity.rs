@@ -142,7 +142,7 @@ fn tokens_have_scopes_and_name_the_author() {
         std::thread::sleep(Duration::from_millis(100));
     }
     assert_eq!(running.by(&anna, "GET /v1/volumes", ""), 200);
-    let (code, said) = running.stop("-TERM");
+    let (code, said) = running.stop("TERM");
     assert_eq!(code, Some(0), "{said}");
     check_audit(&audit, &id);
 }

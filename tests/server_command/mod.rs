@@ -81,8 +81,7 @@ impl Running {
 
     /// Sends a signal, and returns the exit status and the standard error.
     fn stop(mut self, signal: &str) -> (Option<i32>, String) {
-        let pid = self.process.id().to_string();
-        assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+        assert!(common::child::signal(signal, self.process.id()));
         let mut errors = String::new();
         self.process.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
         (self.process.wait().unwrap().code(), errors)
@@ -128,7 +127,7 @@ fn serves_the_very_frame_that_render_writes_and_stops_when_told() {
     assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
     assert!(std::fs::read(&file).unwrap() == frame, "HTTP and the command line give different frames");
 
-    let (status, errors) = running.stop("-TERM");
+    let (status, errors) = running.stop("TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(!errors.contains("PHANTOM"), "who was scanned is nobody's business: {errors}");
 }
@@ -147,7 +146,7 @@ fn a_traced_request_reads_as_its_story() {
     let path = format!("GET /v1/volumes/{id}/frame?size_px=64,36&layout=color");
     let (head, _) = running.ask(&path, "X-Request-Id: story\r\n", &[]);
     assert!(head.starts_with("HTTP/1.1 200"), "{head}");
-    let (_, log) = running.stop("-TERM");
+    let (_, log) = running.stop("TERM");
     let story: Vec<&str> = log.lines().filter(|line| line.contains("id=story")).collect();
     let chapters = ["left the queue", "rendered a band", "rendered upload_ms", "finished", "answered"];
     let places = chapters.map(|chapter| story.iter().position(|line| line.contains(chapter)));
@@ -185,7 +184,7 @@ fn names_in_an_uploaded_zip_are_not_logged() {
     assert!(head.starts_with("HTTP/1.1 201"), "{head}{}", String::from_utf8_lossy(&described));
     let (head, refusal) = running.upload(&named_zip(&[cut]));
     assert!(head.starts_with("HTTP/1.1 422"), "{head}{}", String::from_utf8_lossy(&refusal));
-    let (status, errors) = running.stop("-TERM");
+    let (status, errors) = running.stop("TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(errors.contains("/v1/volumes"), "requests are logged at this level: {errors}");
     assert!(!errors.contains("DOE"), "{errors}");
@@ -195,7 +194,7 @@ fn names_in_an_uploaded_zip_are_not_logged() {
 fn stops_at_an_interrupt_while_it_loads() {
     let folder = tempfile::tempdir().unwrap();
     let running = Running::start(&phantom(folder.path()));
-    assert_eq!(running.stop("-INT").0, Some(0));
+    assert_eq!(running.stop("INT").0, Some(0));
 }
 
 #[test]
@@ -247,7 +246,7 @@ fn an_abandoned_long_render_is_cancelled() {
     // take no time.
     let bands = metric(&running, "relief_render_bands_total");
     assert!(bands < SIDE / 8 / 2, "{bands} bands");
-    let (status, _) = running.stop("-TERM");
+    let (status, _) = running.stop("TERM");
     assert_eq!(status, Some(0));
 }
 
@@ -295,7 +294,7 @@ fn of_three_series_under_a_budget_for_two_one_is_evicted() {
     // had its series read.
     assert_eq!(metric(&running, "relief_series_reads_total"), 4);
     assert!(metric(&running, "relief_memory_bytes") <= 140_000);
-    assert_eq!(running.stop("-TERM").0, Some(0));
+    assert_eq!(running.stop("TERM").0, Some(0));
 }
 
 /// Where a landmark is in a picture and how deep, by the camera that the answer names: pixels, mm.
@@ -413,7 +412,7 @@ fn annotations_are_drawn_at_their_place_and_depth_in_the_very_frame_that_render_
         annotated.render(&file, &["--annotations", log, "--set", "ben"]) == bare,
         "nothing of another set"
     );
-    let (status, errors) = annotated.running.stop("-TERM");
+    let (status, errors) = annotated.running.stop("TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(!errors.contains("anna"), "{errors}");
     assert!(!folder.path().join("log.db-wal").exists(), "the log is one file again");

@@ -147,7 +147,7 @@ fn its_server_starts(root: &Path) {
     let server = Running::spawn(inside(root, &script).stdout(Stdio::piped()).stderr(Stdio::piped()));
     server.await_ready();
     assert!(server.get("/").0.starts_with("HTTP/1.1 200"));
-    let (status, errors) = server.stop("-TERM");
+    let (status, errors) = server.stop("TERM");
     assert_eq!(status, Some(0), "{errors}");
     assert!(root.join("var/lib/relief/annotations.db").is_file());
 }

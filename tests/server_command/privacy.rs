@@ -135,7 +135,7 @@ fn a_server_names_no_patient() {
     let bytes = std::fs::read(slice).unwrap();
     let zip = crate::common::hostile::zip_of([("DOE^JAN.dcm".to_owned(), bytes[..bytes.len() / 2].to_vec())]);
     planted.assert_absent("a refused upload", &running.upload(&zip).1);
-    let (_, said) = running.stop("-TERM");
+    let (_, said) = running.stop("TERM");
     assert!(said.contains("/v1/volumes"), "requests are logged at this level: {said}");
     planted.assert_absent("the log", said.as_bytes());
     planted.assert_absent("the audit log", &std::fs::read(&audit).unwrap());

@@ -74,7 +74,7 @@ fn a_collector_gets_a_request_and_its_frame() {
         assert!(running.ask(&path, &headers, &[]).0.starts_with("HTTP/1.1 200"));
     }
     // The last batch is sent before the program ends.
-    let (status, log) = running.stop("-TERM");
+    let (status, log) = running.stop("TERM");
     assert_eq!(status, Some(0), "{log}");
     let mut spans = HashMap::new();
     while let Ok((line, body)) = received.recv_timeout(Duration::from_millis(200)) {
@@ -113,7 +113,7 @@ fn a_missing_collector_is_a_warning() {
     let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0", "--traces", &url];
     let running = Running::spawn(&mut relief(&arguments));
     running.await_ready();
-    let (status, log) = running.stop("-TERM");
+    let (status, log) = running.stop("TERM");
     assert_eq!(status, Some(0), "{log}");
     assert!(log.contains("WARN") || log.contains("ERROR"), "a lost trace is silent: {log}");
     let wrong = relief(&["serve", "--series", &series, "--listen", "127.0.0.1:0", "--traces", "nowhere"]);
