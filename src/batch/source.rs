@@ -121,7 +121,8 @@ impl SeriesSource {
         let limits = relief_dicom::FormatLimits { voxels: gate.limit() / size_of::<i16>() as u64 };
         let read = relief_dicom::read_volume_within(limits, path)
             .map_err(|error| SeriesError::permanent(error.about("its file")))?;
-        let (volume, warnings) = (read.volume, read.warnings);
+        let warnings = read.warnings.into_iter().map(|warning| warning.message).collect();
+        let volume = read.volume;
         Ok(BudgetedVolume { volume, labels: None, reference: None, warnings, held })
     }
 

@@ -15,7 +15,7 @@ use crate::labels;
 use crate::serve::series::of_buckets;
 use crate::source::{self, SeriesOptions};
 use relief_batch::Location;
-use relief_dicom::Loaded;
+use relief_dicom::{Loaded, ReadVolume};
 use relief_volume::{Grid, LabelMap};
 
 /// A CT series to load.
@@ -75,7 +75,7 @@ pub(super) fn load_after<T>(
     };
     let read = reader.read(local.path(), options, &wanted).with_context(about)?;
     let prepared = prepared.take().context("the dimensions of the series are unknown")?;
-    let mut loaded = Loaded::of_volume(read.volume);
+    let mut loaded = Loaded::of_volume(ReadVolume { volume: read.volume, warnings: Vec::new() });
     loaded.identity = read.identity.unwrap_or_default();
     loaded.reference = read.reference;
     Ok((loaded, prepared))

@@ -44,8 +44,9 @@ pub(super) fn load_after<T>(
     let entry = select(&found, options.series_uid.as_deref())?;
     warn(&found.warnings());
     let prepared = before(entry.dims().map(|side| side.div_ceil(options.downsample.into())))?;
-    let loaded = load_entry(entry, strictness)?;
+    let mut loaded = load_entry(entry, strictness)?;
     warn(&loaded.warnings);
+    loaded.warnings.extend(found.warnings());
     Ok((loaded.downsampled(options.downsample.into()), prepared))
 }
 
@@ -54,11 +55,15 @@ fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
     if options.series_uid.is_some() {
         bail!("{} is one volume and no series; leave --series-uid out", path.display());
     }
-    let found = relief_dicom::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
-    for warning in found.warnings {
-        eprintln!("warning: {warning}");
-    }
-    Ok(Loaded::of_volume(found.volume).downsampled(options.downsample.into()))
+    let loaded = read_file(path)?;
+    warn(&loaded.warnings);
+    Ok(loaded.downsampled(options.downsample.into()))
+}
+
+/// Reads a volume of another format than DICOM.
+pub(super) fn read_file(path: &Path) -> anyhow::Result<Loaded> {
+    let read = relief_dicom::read_volume(path).with_context(|| format!("cannot use {}", path.display()))?;
+    Ok(Loaded::of_volume(read))
 }
 
 /// The chosen series, or the only one; where there are several, the error names the option that

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use relief_annotation::{FrameOfReference, Item};
 use relief_base::Transform;
-use relief_dicom::{SeriesIdentity, SeriesReference};
+use relief_dicom::{SeriesIdentity, SeriesReference, WarningCode};
 use relief_volume::{Grid, GridError, Segment};
 
 /// A job; the file or folder is the child's standard input.
@@ -200,9 +200,9 @@ pub(crate) enum Refusal {
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SeriesAnswer {
     pub(crate) grid: WireGrid,
-    /// Anomalies of the series.
-    pub(crate) warnings: usize,
-    /// Messages of these, and of files that were left out.
+    /// Anomalies of the series, and files that were left out.
+    pub(crate) warnings: Vec<WarningCode>,
+    /// Their messages.
     pub(crate) messages: Vec<String>,
     pub(crate) identity: Option<SeriesIdentity>,
     pub(crate) reference: Option<SeriesReference>,

@@ -101,10 +101,9 @@ pub(crate) fn read(
     let voxel_limits = LoadLimits { voxel_bytes: limits.voxel_bytes };
     match relief_dicom::load_within(voxel_limits, entry, choice.strictness(), &|_| ()) {
         Err(error) => refuse(socket, Refusal::Content, refused(&error)),
-        Ok(loaded) => {
-            let skipped = found.warnings().into_iter().chain(loaded.warnings.clone());
-            let messages = skipped.map(|warning| warning.message).collect();
-            send_voxels(choice, loaded, messages, socket, windows)
+        Ok(mut loaded) => {
+            loaded.warnings.extend(found.warnings());
+            send_voxels(choice, loaded, socket, windows)
         }
     }
 }
@@ -124,22 +123,21 @@ fn volume_file(
     let voxel_limits = FormatLimits { voxels: limits.voxel_bytes / size_of::<i16>() as u64 };
     match relief_dicom::read_volume_within(voxel_limits, Path::new(FILE)) {
         Err(error) => refuse(socket, Refusal::Content, error.about(&choice.subject)),
-        Ok(read) => send_voxels(choice, Loaded::of_volume(read.volume), read.warnings, socket, windows),
+        Ok(read) => send_voxels(choice, Loaded::of_volume(read), socket, windows),
     }
 }
 
 fn send_voxels(
     choice: &SeriesChoice,
     loaded: Loaded,
-    messages: Vec<String>,
     socket: &mut (impl Read + Write),
     windows: &Windows,
 ) -> Result<()> {
     let loaded = loaded.downsampled(choice.downsample.into());
     let answer = SeriesAnswer {
         grid: loaded.volume.grid().into(),
-        warnings: loaded.warnings.len(),
-        messages,
+        warnings: loaded.warnings.iter().map(|warning| warning.code).collect(),
+        messages: loaded.warnings.into_iter().map(|warning| warning.message).collect(),
         identity: Some(loaded.identity),
         reference: loaded.reference.map(|reference| (*reference).clone()),
     };

@@ -56,7 +56,7 @@ impl LiveSession {
     fn new(py: Python<'_>, volume: &Volume, adapter: String) -> PyResult<Self> {
         let loaded = LoadedVolume {
             volume: volume.clone_volume(),
-            warnings: 0,
+            warnings: Vec::new(),
             identity: None,
             reference: None,
             labels: None,

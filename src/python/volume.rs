@@ -63,7 +63,8 @@ pub(crate) fn open_volume(
         let path = copy.as_ref().map_or(&*path, |(_, local)| local.path());
         if is_volume_file(path) {
             let found = read_volume(path).map_err(|error| raised(&error))?;
-            return Ok(Volume { volume: found.volume, warnings: found.warnings });
+            let warnings = found.warnings.into_iter().map(|warning| warning.message).collect();
+            return Ok(Volume { volume: found.volume, warnings });
         }
         let strictness = if strict { Strictness::Strict } else { Strictness::Lenient };
         let found = discover(path, strictness, &|_| ()).map_err(|error| raised(&error))?;

@@ -1,6 +1,7 @@
 //! `/v1/volumes`: the list of volumes, their descriptions and their removal. Answers hold geometry
 //! and values, nothing about the patient.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::Json;
@@ -10,6 +11,7 @@ use serde_json::{Value, json};
 
 use super::live::Live;
 use super::problem::Problem;
+use relief_dicom::WarningCode;
 use relief_render::TISSUE_VIEW;
 use relief_session::{Engine, VolumeEntry};
 use relief_volume::{LabelMap, Segment};
@@ -44,10 +46,22 @@ pub(super) fn describe(entry: &VolumeEntry) -> Value {
         "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],
         "hu_range": [low, high],
         "segments": entry.labels.as_deref().map(segments),
-        "warnings": entry.warnings,
+        "warnings": entry.warnings.len(),
+        "reading_warnings": reading_warnings(&entry.warnings),
         "removable": entry.is_upload(),
         "links": { "self": path, "frame": format!("{path}/frame") },
     })
+}
+
+/// The warnings of the reader by their codes: names of files stay with the operator.
+fn reading_warnings(warnings: &[WarningCode]) -> Vec<Value> {
+    let mut counts = BTreeMap::<WarningCode, usize>::new();
+    for warning in warnings {
+        *counts.entry(*warning).or_default() += 1;
+    }
+    let described =
+        |(code, count): (WarningCode, usize)| json!({ "code": code, "count": count, "text": code.summary() });
+    counts.into_iter().map(described).collect()
 }
 
 /// The segments of a label map, by rising label, with the colours in which they are drawn.

@@ -316,7 +316,7 @@ fn a_scene_with_anything_unknown_or_out_of_range_is_refused() {
     let ramp = common::phantom(case("composite/ramp-planes").source().recipe().unwrap());
     for (scene, part) in [
         (r#"{"sample_distance_mm": 0.02}"#, "four times the tolerance"), // a step would hide in the tolerance
-        (r#"{"sample_distance_mm": 0}"#, "0.01 to 100"),
+        (r#"{"sample_distance_mm": 0}"#, "0.000001 to 100"),
     ] {
         fs::write(&path, scene).unwrap();
         let message = read_copied(&parent).unwrap().scene(&ramp.volume).unwrap_err().to_string();

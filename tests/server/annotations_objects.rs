@@ -21,7 +21,7 @@ async fn stage() -> (Stage, made::Made) {
     let id = loaded.volume.content_hash().short();
     stage.server.add_volume(LoadedVolume {
         volume: loaded.volume,
-        warnings: 0,
+        warnings: Vec::new(),
         identity: Some(loaded.identity),
         reference: loaded.reference,
         labels: None,

@@ -15,7 +15,7 @@ fn stage() -> Stage {
     let identity = Some(SeriesIdentity::new(STUDY, SERIES));
     stage.server.add_volume(LoadedVolume {
         volume: cube(),
-        warnings: 0,
+        warnings: Vec::new(),
         identity,
         reference: None,
         labels: None,

@@ -19,7 +19,7 @@ fn marked(mark: i16) -> Volume {
 }
 
 fn loaded(volume: Volume) -> LoadedVolume {
-    LoadedVolume { volume, warnings: 0, identity: None, reference: None, labels: None }
+    LoadedVolume { volume, warnings: Vec::new(), identity: None, reference: None, labels: None }
 }
 
 /// A server of three series under a limit, how often each was read again, and the paths of their

@@ -23,7 +23,7 @@ async fn readiness_follows_volumes_and_the_render_thread() {
         assert!(stage.get("/metrics").await.text().contains("relief_ready 0\n"));
         stage.server.add_volume(LoadedVolume {
             volume: cube(),
-            warnings: 0,
+            warnings: Vec::new(),
             identity: None,
             reference: None,
             labels: None,
@@ -68,6 +68,8 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
     assert_eq!(shown["direction"], json!([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
     assert_eq!(shown["bounds_mm"], json!([[-20.0, -20.0, -20.0], [20.0, 20.0, 20.0]]));
     assert_eq!((&shown["hu_range"], &shown["warnings"]), (&json!([0, 63]), &json!(2)));
+    let warning = &shown["reading_warnings"][0];
+    assert_eq!((&warning["code"], &warning["count"]), (&json!("bad-file"), &json!(2)));
     let mut keys: Vec<&str> = shown.as_object().unwrap().keys().map(String::as_str).collect();
     keys.sort_unstable();
     assert_eq!(shown["name"], "Object, 4 × 4 × 4");
@@ -84,6 +86,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
         "name",
         "origin_mm",
         "radius_mm",
+        "reading_warnings",
         "removable",
         "segments",
         "spacing_mm",

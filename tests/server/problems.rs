@@ -36,7 +36,7 @@ async fn parameters_are_refused_by_name_value_and_range() {
         ("look_at_mm=0,0,0", 422, "look_at_mm", &["means nothing without eye_mm"]),
         ("eye_mm=0,0,0", 422, "look_at_mm", &["0 mm from eye_mm"]),
         ("eye_mm=0,-100,0&zoom=2", 422, "zoom", &["exclude each other"]),
-        ("sample_distance_mm=0", 422, "sample_distance_mm", &["is 0", "0.01 to 100"]),
+        ("sample_distance_mm=0", 422, "sample_distance_mm", &["is 0", "0.000001 to 100"]),
         ("depth_rule=nearest", 400, "depth_rule", &["nearest", "first-hit"]),
         ("depth_rule=threshold&depth_fraction=2", 422, "depth_fraction", &["depth_fraction is 2"]),
         ("lights=disco", 422, "lights", &["lights is disco", "headlight, studio"]),

@@ -12,7 +12,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use http_body_util::BodyExt;
 use relief_base::DepthLimits;
-use relief_dicom::{SeriesIdentity, Strictness};
+use relief_dicom::{SeriesIdentity, Strictness, WarningCode};
 use relief_exchange::Format;
 use relief_render::{OverlayItem, Progress, RenderRequest, RenderedFrame, Timings};
 use relief_server::{AnnotationsLoader, Config, ImportError, LabelsLoader, Server, VolumeLoader, app};
@@ -198,7 +198,7 @@ impl Stage {
         let id = volume.content_hash().short();
         empty.server.add_volume(LoadedVolume {
             volume,
-            warnings: 2,
+            warnings: vec![WarningCode::BadFile; 2],
             identity: None,
             reference: None,
             labels: None,
@@ -255,7 +255,7 @@ impl Stage {
         let identity = Some(SeriesIdentity::new("1.2.3", "1.2.4").within_frame_of_reference(FRAME));
         empty.server.add_volume(LoadedVolume {
             volume,
-            warnings: 0,
+            warnings: Vec::new(),
             identity,
             reference: None,
             labels: None,
@@ -375,7 +375,7 @@ fn loader() -> VolumeLoader {
         let loaded =
             relief_dicom::load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
         Ok(LoadedVolume {
-            warnings: loaded.warnings.len(),
+            warnings: loaded.warnings.iter().map(|warning| warning.code).collect(),
             volume: loaded.volume,
             identity: Some(loaded.identity),
             reference: loaded.reference,

@@ -204,7 +204,13 @@ async fn the_upload_of_a_vanished_client_is_cancelled_and_keeps_its_place_until_
             gate.lock().unwrap().recv_timeout(Duration::from_secs(60)).unwrap();
             return Err(budget.check().unwrap_err().into());
         }
-        Ok(LoadedVolume { volume: cube(), warnings: 0, identity: None, reference: None, labels: None })
+        Ok(LoadedVolume {
+            volume: cube(),
+            warnings: Vec::new(),
+            identity: None,
+            reference: None,
+            labels: None,
+        })
     });
     let stage = Stage::loading(Config::default(), QueueConfig::default(), loader);
     let request = Request::post("/v1/volumes").header("content-type", "application/zip");

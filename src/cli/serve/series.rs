@@ -71,7 +71,8 @@ fn with_uid(options: &SeriesOptions, uid: &str) -> SeriesOptions {
 /// A loaded series as the server takes it.
 pub(crate) fn served(loaded: relief_dicom::Loaded) -> LoadedVolume {
     let relief_dicom::Loaded { volume, warnings, identity, reference, .. } = loaded;
-    LoadedVolume { warnings: warnings.len(), volume, identity: Some(identity), reference, labels: None }
+    let warnings = warnings.iter().map(|warning| warning.code).collect();
+    LoadedVolume { warnings, volume, identity: Some(identity), reference, labels: None }
 }
 
 #[cfg(target_os = "linux")]

@@ -401,7 +401,8 @@ mod tests {
     #[test]
     fn light_set_after_a_preset_counts_until_the_next_preset() {
         let volume = PhantomRecipe::new(PhantomKind::Head).with_size(16).unwrap().make().volume;
-        let loaded = LoadedVolume { volume, warnings: 0, identity: None, reference: None, labels: None };
+        let loaded =
+            LoadedVolume { volume, warnings: Vec::new(), identity: None, reference: None, labels: None };
         let volumes = Volumes::within(u64::MAX);
         volumes.add_own(loaded, None).unwrap();
         let settings = |json: Value| serde_json::from_value::<Settings>(json).unwrap();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::voxels::{VolumeReader, Voxels};
 use relief_annotation::FrameOfReference;
-use relief_dicom::{SeriesIdentity, SeriesReference};
+use relief_dicom::{SeriesIdentity, SeriesReference, WarningCode};
 use relief_render::{Subject, SubjectContent, framing_of_tissue};
 use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Volume};
 
@@ -13,8 +13,8 @@ use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Vo
 pub struct LoadedVolume {
     /// Voxels in HU and their grid in patient mm.
     pub volume: Volume,
-    /// Number of warnings of the reader.
-    pub warnings: usize,
+    /// Warnings of the reader.
+    pub warnings: Vec<WarningCode>,
     /// Study and series UIDs by which DICOMweb requests find the volume; `None` where they are
     /// unknown.
     pub identity: Option<SeriesIdentity>,
@@ -63,8 +63,8 @@ pub struct VolumeEntry {
     pub(super) voxels: Arc<Voxels>,
     /// Smallest and largest HU.
     pub range_hu: (i16, i16),
-    /// Number of warnings of the reader.
-    pub warnings: usize,
+    /// Warnings of the reader.
+    pub warnings: Vec<WarningCode>,
     pub(super) owner: Owner,
     pub(super) identity: Option<SeriesIdentity>,
     /// Attributes for exported reports and segmentations. They name the patient: for files only.

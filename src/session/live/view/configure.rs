@@ -78,7 +78,8 @@ mod tests {
         let grid = Grid::axis_aligned([2, 2, 2], [1.0; 3], [0.0; 3]).unwrap();
         let volume = Volume::new(grid, vec![0; 8]).unwrap();
         let volumes = Volumes::within(1 << 20);
-        let loaded = LoadedVolume { volume, warnings: 0, identity: None, reference: None, labels: None };
+        let loaded =
+            LoadedVolume { volume, warnings: Vec::new(), identity: None, reference: None, labels: None };
         volumes.add_own(loaded, None).unwrap();
         let presentation = Presentation::new(volumes.first().unwrap(), &Settings::default(), None).unwrap();
         let view = View::new("a".to_owned(), presentation, Instant::now());
