@@ -163,14 +163,16 @@ fn thumbnails(arguments: &PresetsArguments, folder: &Path) -> anyhow::Result<Exi
 }
 
 fn volume(arguments: &PresetsArguments) -> anyhow::Result<Volume> {
-    let SeriesOptions { series_uid, strict, downsample } = &arguments.options;
+    let SeriesOptions { series_uid, phase, strict, downsample } = &arguments.options;
     match &arguments.series {
         Some(path) => {
             let (copies, options) = (&arguments.copies, &arguments.options);
             Ok(series::load_after(path, copies, options, |_| Ok(()))?.0.volume)
         }
-        None if series_uid.is_some() || *strict || *downsample > 1 => {
-            bail!("--series-uid, --strict and --downsample are about a series; give one with --series PATH")
+        None if series_uid.is_some() || phase.is_some() || *strict || *downsample > 1 => {
+            bail!(
+                "--series-uid, --phase, --strict and --downsample are about a series; give one with --series PATH"
+            )
         }
         None => Ok(PhantomRecipe::new(PhantomKind::Head).with_size(HEAD_SIZE)?.make().volume),
     }

@@ -246,7 +246,7 @@ fn reference(path: &Path, arguments: &SendArguments) -> anyhow::Result<SeriesRef
     const NO_UIDS: &str = "the series lacks UIDs by which objects refer to it";
     let uid = arguments.series_uid.clone();
     let reference = if Location::is_remote(path) {
-        let options = SeriesOptions { series_uid: uid, strict: false, downsample: 1 };
+        let options = SeriesOptions { series_uid: uid, phase: None, strict: false, downsample: 1 };
         let (loaded, ()) = series::load_after(path, &arguments.copies, &options, |_| Ok(()))?;
         std::sync::Arc::unwrap_or_clone(loaded.reference.context(NO_UIDS)?)
     } else {

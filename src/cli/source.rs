@@ -17,6 +17,9 @@ pub(super) struct SeriesOptions {
     /// The series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID")]
     pub(super) series_uid: Option<String>,
+    /// The phase of a series that shows one region several times, from 1 (`relief inspect PATH` lists them)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) phase: Option<u32>,
     /// Fail on any defective file instead of leaving it out with a warning
     #[arg(long)]
     pub(super) strict: bool,
@@ -41,7 +44,7 @@ pub(super) fn load_after<T>(
     }
     let strictness = strictness(options.strict);
     let found = discover(path, strictness)?;
-    let entry = select(&found, options.series_uid.as_deref())?;
+    let entry = options.select(&found)?;
     warn(&found.warnings());
     let prepared = before(entry.dims().map(|side| side.div_ceil(options.downsample.into())))?;
     let mut loaded = load_entry(entry, strictness)?;
@@ -52,8 +55,8 @@ pub(super) fn load_after<T>(
 
 /// Loads a volume of another format than DICOM.
 fn load_file(path: &Path, options: &SeriesOptions) -> anyhow::Result<Loaded> {
-    if options.series_uid.is_some() {
-        bail!("{} is one volume and no series; leave --series-uid out", path.display());
+    if options.series_uid.is_some() || options.phase.is_some() {
+        bail!("{} is one volume and no series; leave --series-uid and --phase out", path.display());
     }
     let loaded = read_file(path)?;
     warn(&loaded.warnings);
@@ -66,12 +69,25 @@ pub(super) fn read_file(path: &Path) -> anyhow::Result<Loaded> {
     Ok(Loaded::of_volume(read))
 }
 
+impl SeriesOptions {
+    /// The series that the options choose.
+    fn select<'a>(&self, found: &'a Discovery) -> anyhow::Result<&'a SeriesEntry> {
+        let uid = self.series_uid.as_deref();
+        match self.phase {
+            Some(phase) => Ok(found.select_phase(uid, phase as usize)?),
+            None => select(found, uid),
+        }
+    }
+}
+
 /// The chosen series, or the only one; where there are several, the error names the option that
 /// chooses.
 pub(super) fn select<'a>(found: &'a Discovery, uid: Option<&str>) -> anyhow::Result<&'a SeriesEntry> {
     found.select(uid).map_err(|error| match error {
         relief_dicom::Error::SeveralSeries { .. } => {
-            anyhow::Error::new(error).context("choose a series with --series-uid UID")
+            let phases = found.series.iter().any(|entry| entry.phase().is_some());
+            let also = if phases { ", or a phase with --phase N" } else { "" };
+            anyhow::Error::new(error).context(format!("choose a series with --series-uid UID{also}"))
         }
         other => other.into(),
     })

@@ -176,6 +176,18 @@ impl Discovery {
             (several, None) => Err(Error::SeveralSeries { count: several.len(), listing: listing() }),
         }
     }
+
+    /// The series whose phase has this number, from 1, in the order of time; of `uid`, where several
+    /// have phases.
+    ///
+    /// # Errors
+    /// When there is no series, when none has this phase, or when several have.
+    pub fn select_phase(&self, uid: Option<&str>, number: usize) -> Result<&SeriesEntry, Error> {
+        if self.series.is_empty() {
+            return self.select(uid);
+        }
+        series::of_phase(&self.series, uid, number)
+    }
 }
 
 /// The warnings that follow from headers only.

@@ -60,6 +60,14 @@ pub enum Error {
         /// One line for each series found.
         listing: Reasons,
     },
+    /// No series has the chosen phase.
+    #[error("no series has a phase {number}; found:{listing}")]
+    NoPhase {
+        /// The requested phase, from 1.
+        number: usize,
+        /// One line for each series found.
+        listing: Reasons,
+    },
     /// Strict reading met files that are defective.
     #[error("{count} file(s) cannot be used, and reading is strict:{reasons}")]
     Strict {
@@ -161,6 +169,7 @@ impl Error {
             }
             Self::SeveralSeries { count, .. } => format!("{count} series found, expected one"),
             Self::UnknownSeries { .. } => "the series is no longer there".to_owned(),
+            Self::NoPhase { number, .. } => format!("no series has a phase {number}"),
             Self::Strict { count, reasons } => {
                 let reasons = reasons.without_names();
                 format!("{count} file(s) cannot be used, and reading is strict{reasons}")
@@ -451,6 +460,7 @@ mod tests {
             Error::NoSeries { path: path(), files: 3, reasons: lines() },
             Error::SeveralSeries { count: 2, listing: lines() },
             Error::UnknownSeries { uid: text(), listing: lines() },
+            Error::NoPhase { number: 3, listing: lines() },
             Error::Strict { count: 1, reasons: lines() },
             Error::NothingDecoded { slices: 4, reasons: lines() },
             Error::Ambiguous { duplicates: 1, slices: 2, first: text(), second: text() },

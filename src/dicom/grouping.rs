@@ -24,7 +24,7 @@ use glam::DVec3;
 use super::attributes::quoted;
 use super::distinctions::Distinction;
 use super::header::FrameHeader;
-use super::series::SeriesEntry;
+use super::series::{Phase, SeriesEntry};
 use super::stack;
 use super::warnings::{Warning, WarningCode};
 use relief_base::Budget;
@@ -62,6 +62,8 @@ struct Group {
     frames: Vec<FrameHeader>,
     /// For lists to choose from: "patient 2", "ConvolutionKernel (0018,1210) \"B70s\"".
     differs: Vec<String>,
+    /// Its number among the phases of one region.
+    phase: Option<Phase>,
     warnings: Vec<Warning>,
 }
 
@@ -75,7 +77,7 @@ pub(super) fn group(frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntr
 }
 
 fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntry> {
-    let all = Group { frames, differs: Vec::new(), warnings: Vec::new() };
+    let all = Group { frames, differs: Vec::new(), phase: None, warnings: Vec::new() };
     let mut groups = vec![all];
     groups = each(groups, |group| by_number(group, "patient", |frame| frame.file.patient));
     groups = each(groups, |group| by_number(group, "study", |frame| frame.file.study_uid.clone()));
@@ -99,6 +101,7 @@ fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEnt
         let mixed = mixed(&group);
         group.warnings.extend(mixed);
         SeriesEntry::new(name(index), group.frames, group.differs, group.warnings, budget)
+            .in_phase(group.phase)
     };
     groups.into_iter().enumerate().map(entry).collect()
 }
@@ -114,7 +117,7 @@ impl Group {
         let part = |(differs, frames)| {
             let added = several.then_some(differs);
             let differs = self.differs.iter().cloned().chain(added).collect();
-            Self { frames, differs, warnings: self.warnings.clone() }
+            Self { frames, differs, phase: self.phase, warnings: self.warnings.clone() }
         };
         parts.into_iter().map(part).collect()
     }
@@ -182,7 +185,8 @@ fn by_shape(group: Group) -> Vec<Group> {
     }
     // Lists show the size and the spacing.
     let warnings = group.warnings;
-    let part = |frames| Group { frames, differs: group.differs.clone(), warnings: warnings.clone() };
+    let part =
+        |frames| Group { frames, differs: group.differs.clone(), phase: None, warnings: warnings.clone() };
     shapes.into_iter().map(part).collect()
 }
 
@@ -259,7 +263,32 @@ fn overlap(group: &Group, of: Distinction) -> usize {
 fn by_pass(group: Group, of: Distinction) -> Vec<Group> {
     let passes = values(&group.frames, of).len();
     let are_passes = group.frames.len() >= LEAST_PASS * passes;
-    if are_passes && overlap(&group, of) > FEW_SLICES { by_value(group, of) } else { vec![group] }
+    if !are_passes || overlap(&group, of) <= FEW_SLICES {
+        return vec![group];
+    }
+    let parts = by_value(group, of);
+    if at_same_places(&parts) { as_phases(parts) } else { parts }
+}
+
+/// Whether all groups have slices at the same heights.
+fn at_same_places(groups: &[Group]) -> bool {
+    let sorted = |group: &Group| {
+        let mut heights = group.heights_mm();
+        heights.sort_by(f64::total_cmp);
+        heights
+    };
+    let first = sorted(&groups[0]);
+    let margin = stack::rounding_mm(groups[0].frames[0].spacing_mm);
+    groups[1..].iter().map(sorted).all(|heights| {
+        heights.len() == first.len() && heights.iter().zip(&first).all(|(a, b)| (a - b).abs() <= margin)
+    })
+}
+
+/// Numbers groups that are the phases of one region, in the order of time.
+fn as_phases(groups: Vec<Group>) -> Vec<Group> {
+    let count = groups.len();
+    let numbered = |(index, group)| Group { phase: Some(Phase { number: index + 1, count }), ..group };
+    groups.into_iter().enumerate().map(numbered).collect()
 }
 
 /// Separates phases, where many positions repeat.
@@ -284,15 +313,18 @@ fn by_phase(group: Group) -> Vec<Group> {
                 stack::duplicates(&frames).is_empty()
             })
     };
-    if let Some(of) = KINDS.into_iter().chain(PHASES).find(divides) {
+    if let Some(of) = KINDS.into_iter().find(divides) {
         return by_value(group, of);
+    }
+    if let Some(of) = PHASES.into_iter().find(divides) {
+        return as_phases(by_value(group, of));
     }
     let parts = by_file(&group, repeats).or_else(|| by_order_in_time(&group, &duplicates, repeats));
     match parts {
         Some(parts) => {
             let parts = parts.into_iter().enumerate();
             let parts = parts.map(|(index, frames)| (format!("phase {}", index + 1), frames)).collect();
-            group.into_parts(parts)
+            as_phases(group.into_parts(parts))
         }
         None => vec![group],
     }

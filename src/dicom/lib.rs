@@ -84,7 +84,7 @@ pub use segmentation::{
 pub use segmentation_write::{
     SegmentMeaning, SegmentationError, SegmentationOptions, write_segmentation, write_segmentation_layers,
 };
-pub use series::SeriesEntry;
+pub use series::{Phase, SeriesEntry};
 pub use warnings::{Warning, WarningCode};
 pub use whole::ObjectError;
 

@@ -1,9 +1,26 @@
 //! A series that can be loaded. [`grouping`](super::grouping) has the rule for what it holds.
 
-use super::error::Reasons;
+use serde::Serialize;
+
+use super::error::{Error, Reasons};
 use super::header::FrameHeader;
 use super::warnings::Warning;
 use relief_base::Budget;
+
+/// A phase of a series that shows one region several times: 4D CT, a heart, perfusion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Phase {
+    /// From 1, in the order of time.
+    pub number: usize,
+    /// Phases of the series.
+    pub count: usize,
+}
+
+impl std::fmt::Display for Phase {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "phase {} of {}", self.number, self.count)
+    }
+}
 
 /// A CT series that can be loaded: its slices and their headers. `Debug` shows no UIDs.
 #[derive(Clone)]
@@ -12,6 +29,7 @@ pub struct SeriesEntry {
     pub(super) frames: Vec<FrameHeader>,
     /// How its slices differ from others of its SeriesInstanceUID; names no patient.
     differs: Vec<String>,
+    phase: Option<Phase>,
     pub(super) warnings: Vec<Warning>,
     /// The resources that reading its files may still take.
     pub(super) budget: Budget,
@@ -31,7 +49,22 @@ impl SeriesEntry {
         warnings: Vec<Warning>,
         budget: &Budget,
     ) -> Self {
-        Self { uid, frames, differs, warnings, budget: budget.clone() }
+        Self { uid, frames, differs, phase: None, warnings, budget: budget.clone() }
+    }
+
+    pub(super) fn in_phase(self, phase: Option<Phase>) -> Self {
+        Self { phase, ..self }
+    }
+
+    /// Which phase of its SeriesInstanceUID it is, where that has several.
+    #[must_use]
+    pub fn phase(&self) -> Option<Phase> {
+        self.phase
+    }
+
+    /// Whether a text names it: its UID, or its SeriesInstanceUID without the number behind it.
+    fn is_named(&self, uid: &str) -> bool {
+        self.uid == uid || self.uid.rsplit_once('#').is_some_and(|(own, _)| own == uid)
     }
 
     /// SeriesInstanceUID (0020,000E), followed by `#1`, `#2`, ... where it names several stacks.
@@ -103,11 +136,33 @@ impl SeriesEntry {
         let [columns, rows, slices] = self.dims();
         let [dx, dy] = self.pixel_spacing_mm();
         let uid = if self.uid.is_empty() { "\"\" (empty UID)" } else { &self.uid };
-        let differs = self.differs.iter().map(|differs| format!("  {differs}")).collect::<String>();
+        let phase = self.phase.map(|phase| phase.to_string());
+        let differs =
+            phase.iter().chain(&self.differs).map(|differs| format!("  {differs}")).collect::<String>();
         format!(
             "{uid}  {}  {columns} x {rows} x {slices}  pixels of {dx:.3} x {dy:.3} mm{differs}",
             self.modality()
         )
+    }
+}
+
+/// The series whose phase has this number, from 1; of `uid`, where several have phases.
+///
+/// # Errors
+/// When no series has this phase, or several have.
+pub(super) fn of_phase<'a>(
+    series: &'a [SeriesEntry],
+    uid: Option<&str>,
+    number: usize,
+) -> Result<&'a SeriesEntry, Error> {
+    let is_wanted = |entry: &&SeriesEntry| {
+        entry.phase.is_some_and(|phase| phase.number == number) && uid.is_none_or(|uid| entry.is_named(uid))
+    };
+    let found: Vec<&SeriesEntry> = series.iter().filter(is_wanted).collect();
+    match found.as_slice() {
+        [only] => Ok(only),
+        [] => Err(Error::NoPhase { number, listing: listing(series) }),
+        several => Err(Error::SeveralSeries { count: several.len(), listing: listing(series) }),
     }
 }
 

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use data_encoding::HEXLOWER;
-use relief_dicom::{Loaded, Strictness, discover, load};
+use relief_dicom::{Loaded, Phase, SeriesEntry, Strictness, discover, load};
 use serde_json::Value;
 
 use crate::common::numbers;
@@ -22,10 +22,13 @@ fn number(name: &str, usual: usize) -> usize {
     std::env::var(name).map_or(usual, |text| text.parse().unwrap())
 }
 
-/// All volumes of a folder; an error where one cannot be loaded.
-fn volumes(folder: &Path) -> Result<Vec<Loaded>, String> {
+/// All volumes of a folder, with their phases; an error where one cannot be loaded.
+fn volumes(folder: &Path) -> Result<Vec<(Option<Phase>, Loaded)>, String> {
     let found = discover(folder, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
-    let loaded = |entry| load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string());
+    let loaded = |entry: &SeriesEntry| {
+        let loaded = load(entry, Strictness::Lenient, &|_| ()).map_err(|error| error.to_string())?;
+        Ok((entry.phase(), loaded))
+    };
     found.series.iter().map(loaded).collect()
 }
 
@@ -60,10 +63,18 @@ fn wrong(truth: &Value) -> Option<String> {
     let owed: BTreeSet<&str> =
         truth["warnings"].as_array().unwrap().iter().map(|code| code.as_str().unwrap()).collect();
     for volume in expected {
-        let is_same = |loaded: &&Loaded| volume["stack_sha256"] == HEXLOWER.encode(&loaded.stack_sha256());
-        let Some(loaded) = found.iter().find(is_same) else { return Some("other values".to_owned()) };
+        let is_same = |(_, loaded): &&(Option<Phase>, Loaded)| {
+            volume["stack_sha256"] == HEXLOWER.encode(&loaded.stack_sha256())
+        };
+        let Some((phase, loaded)) = found.iter().find(is_same) else {
+            return Some("other values".to_owned());
+        };
         if let Some(difference) = difference(loaded, volume, owed.contains("uneven-spacing")) {
             return Some(difference);
+        }
+        let phase = phase.map(|phase| [phase.number, phase.count]);
+        if serde_json::json!(phase) != volume["phase"] {
+            return Some(format!("phase {phase:?}, expected {}", volume["phase"]));
         }
         let codes: BTreeSet<String> = loaded
             .warnings

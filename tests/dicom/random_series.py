@@ -141,6 +141,10 @@ def made(seed):
         files.extend(one.slices(other, **more))
         volumes.append(one.volume(other))
 
+    def phases():
+        for number, volume in enumerate(volumes):
+            volume["phase"] = [number + 1, len(volumes)]
+
     if kind == "turned":
         one.turned()
         files, volumes = one.slices(values), [one.volume(values)]
@@ -156,11 +160,14 @@ def made(seed):
     elif kind == "phases by position index":
         files = one.slices(values, TemporalPositionIdentifier=1)
         beside(TemporalPositionIdentifier=2)
+        phases()
     elif kind == "phases by trigger time":
         files = one.slices(values, TriggerTime="0")
         beside(TriggerTime="450")
+        phases()
     elif kind == "phases by acquisition":
         beside(AcquisitionNumber=2)
+        phases()
     elif kind == "two kernels":
         files = one.slices(values, ConvolutionKernel="B30f")
         beside(ConvolutionKernel="B70f")

@@ -188,7 +188,15 @@ fn ten_phases_are_in_the_order_of_their_numbers() {
     for (index, series) in found.series.iter().enumerate() {
         let summary = series.summary();
         assert!(summary.ends_with(&format!("AcquisitionNumber (0020,0012) \"{}\"", index + 1)), "{summary}");
+        assert!(summary.contains(&format!("phase {} of 10", index + 1)), "{summary}");
+        assert_eq!(found.select_phase(None, index + 1).unwrap().uid(), series.uid());
     }
+    let error = found.select_phase(None, 11).unwrap_err().to_string();
+    assert!(error.starts_with("no series has a phase 11; found:"), "{error}");
+    // Passes half a slice apart show other places.
+    let passes =
+        two(1.0, &[(tags::ACQUISITION_NUMBER, VR::IS, "1")], &[(tags::ACQUISITION_NUMBER, VR::IS, "2")]);
+    assert!(discover(passes.path()).series.iter().all(|series| series.phase().is_none()));
 }
 
 /// Passes of fewer slices than [`SLICES`] are rotations: one stack, but not in silence.

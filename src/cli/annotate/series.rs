@@ -19,6 +19,9 @@ pub(super) struct SeriesArguments {
     /// The series, where PATH holds several (`relief inspect PATH` lists them)
     #[arg(long, value_name = "UID", requires = "series")]
     series_uid: Option<String>,
+    /// The phase of a series that shows one region several times, from 1
+    #[arg(long, value_name = "N", requires = "series", value_parser = clap::value_parser!(u32).range(1..))]
+    phase: Option<u32>,
     #[command(flatten)]
     copies: CopiesArguments,
 }
@@ -38,8 +41,8 @@ impl SeriesArguments {
     /// Loads the series, if one is given.
     pub(super) fn load(&self) -> anyhow::Result<Option<Series>> {
         let Some(path) = &self.series else { return Ok(None) };
-        let uid = self.series_uid.as_deref();
-        let options = SeriesOptions { series_uid: uid.map(str::to_owned), strict: false, downsample: 1 };
+        let (series_uid, phase) = (self.series_uid.clone(), self.phase);
+        let options = SeriesOptions { series_uid, phase, strict: false, downsample: 1 };
         let (loaded, ()) = any_series::load_after(path, &self.copies, &options, |_| Ok(()))?;
         let reference = loaded.reference.clone().map(std::sync::Arc::unwrap_or_clone);
         Ok(Some(Series::of(&loaded, reference)))

@@ -19,7 +19,7 @@ use crate::archive::ArchiveArguments;
 use crate::output::say;
 use crate::{output, source};
 use relief_base::printable;
-use relief_dicom::{Loaded, SeriesEntry, Skipped, Warning};
+use relief_dicom::{Loaded, Phase, SeriesEntry, Skipped, Warning};
 
 /// Describe a CT series, or decode 2D-plus-depth frames, and report errors
 ///
@@ -78,6 +78,9 @@ struct SeriesReport {
     value_type: String,
     stack_sha256: String,
     transfer_syntax: String,
+    /// Its number among the phases of one region, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    phase: Option<Phase>,
     /// What distinguishes its slices from others of the same SeriesInstanceUID.
     differs: Vec<String>,
     warnings: Vec<Warning>,
@@ -159,6 +162,7 @@ impl SeriesReport {
             uid: entry.uid().to_owned(),
             modality: entry.modality().to_owned(),
             transfer_syntax: entry.transfer_syntax(),
+            phase: entry.phase(),
             differs: entry.differs().to_vec(),
             value_type: entry.other_values().unwrap_or("HU").to_owned(),
             ..Self::of_volume(loaded)
@@ -180,6 +184,7 @@ impl SeriesReport {
             value_type: "HU".to_owned(),
             stack_sha256: HEXLOWER.encode(&loaded.stack_sha256()),
             transfer_syntax: String::new(),
+            phase: None,
             differs: Vec::new(),
             warnings: loaded.warnings.clone(),
         }
@@ -222,6 +227,9 @@ fn print_series(series: &SeriesReport) {
     say!("  values          {low} to {high} {unit}");
     say!("  stack SHA-256   {}", series.stack_sha256);
     say!("  transfer syntax {}", or_none(&series.transfer_syntax));
+    if let Some(phase) = series.phase {
+        say!("  phase           {} of {}", phase.number, phase.count);
+    }
     for differs in &series.differs {
         say!("  stack           {}", printable(differs));
     }

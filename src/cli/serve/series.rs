@@ -44,12 +44,16 @@ pub(crate) struct InProcess;
 
 impl SeriesReader for InProcess {
     fn list(&self, path: &Path, options: &SeriesOptions) -> anyhow::Result<Vec<SeriesOptions>> {
-        if relief_dicom::is_volume_file(path) || options.series_uid.is_some() {
+        if relief_dicom::is_volume_file(path) || (options.series_uid.is_some() && options.phase.is_none()) {
             return Ok(vec![options.clone()]);
         }
         let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
         if found.series.is_empty() {
             found.select(None)?; // says why
+        }
+        if let Some(phase) = options.phase {
+            let chosen = found.select_phase(options.series_uid.as_deref(), phase as usize)?;
+            return Ok(vec![with_uid(options, chosen.uid())]);
         }
         Ok(found.series.iter().map(|entry| with_uid(options, entry.uid())).collect())
     }
@@ -65,7 +69,7 @@ impl SeriesReader for InProcess {
 }
 
 fn with_uid(options: &SeriesOptions, uid: &str) -> SeriesOptions {
-    SeriesOptions { series_uid: Some(uid.to_owned()), ..options.clone() }
+    SeriesOptions { series_uid: Some(uid.to_owned()), phase: None, ..options.clone() }
 }
 
 /// A loaded series as the server takes it.
@@ -84,6 +88,8 @@ mod isolated {
 
     /// The name of a series' files in messages: their own may be those of patients.
     const SUBJECT: &str = "the series' files";
+    const NO_PHASE: &str = "--phase chooses in series of this machine; of a bucket or an archive, choose the series with \
+                            --series-uid UID#N";
 
     /// Reads in a child process.
     #[derive(Debug)]
@@ -99,6 +105,9 @@ mod isolated {
 
     impl SeriesReader for InChild {
         fn list(&self, path: &Path, options: &SeriesOptions) -> anyhow::Result<Vec<SeriesOptions>> {
+            if options.phase.is_some() {
+                anyhow::bail!(NO_PHASE);
+            }
             if options.series_uid.is_some() {
                 return Ok(vec![options.clone()]);
             }
@@ -116,6 +125,9 @@ mod isolated {
             options: &SeriesOptions,
             wanted: &dyn Fn([usize; 3]) -> anyhow::Result<()>,
         ) -> anyhow::Result<LoadedVolume> {
+            if options.phase.is_some() {
+                anyhow::bail!(NO_PHASE);
+            }
             let choice = SeriesChoice {
                 subject: SUBJECT.to_owned(),
                 uid: options.series_uid.clone(),

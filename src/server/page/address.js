@@ -3,6 +3,7 @@
 
 import { keptCrop, recalledCrop } from "./crop.js";
 import { kept as keptLabels, recalled as recalledLabels } from "./labels.js";
+import { decimalsOf } from "./lengths.js";
 import { keptLight, recalledLight } from "./light.js";
 import { normalized } from "./orbit.js";
 import { kept as keptSlice, recalled as recalledSlice } from "./slices.js";
@@ -41,7 +42,7 @@ function write() {
   if (preview) kept.preview = preview;
   for (const [key, usual] of Object.entries(USUAL)) if (state[key] !== usual) kept[key] = state[key];
   const pose = { az: azimuth.toFixed(1), el: elevation.toFixed(1), zoom: zoom.toFixed(2) };
-  if (shift) pose.shift = shift.map((mm) => mm.toFixed(1)).join(",");
+  if (shift) pose.shift = shift.map((mm) => mm.toFixed(decimalsOf(state.volume))).join(",");
   const parts = { ...kept, ...pose, ...keptSlice(state.slice), ...keptLight(state.light), ...keptLabels(state.labels), ...keptCrop(state) };
   history.replaceState(null, "", `#${new URLSearchParams(parts)}`);
 }

@@ -11,6 +11,7 @@ import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
 import { onKeys } from "./keys.js";
 import { onSegments, showSegments } from "./labels.js";
+import { spacingWords } from "./lengths.js";
 import { describeLight, fillLights, onLight } from "./light.js";
 import { notify, showFailure } from "./notice.js";
 import { fitOf, normalized, shifted, zoomedAt } from "./orbit.js";
@@ -342,10 +343,9 @@ onFile($("stage"), [$("upload-button"), $("empty-button")], $("upload"), async (
 
 const option = (value, text = value) => new Option(text, value);
 
-function facts({ dims, spacing_mm: spacing, hu_range: [low, high] }) {
-  const size = dims.join(" × ");
-  const step = spacing.map((value) => Number(value.toFixed(3))).join(" × ");
-  return [`${size} voxels`, `${step} mm`, `${low} to ${high} HU`].join(DOT);
+function facts(volume) {
+  const [low, high] = volume.hu_range;
+  return [`${volume.dims.join(" × ")} voxels`, spacingWords(volume), `${low} to ${high} HU`].join(DOT);
 }
 
 function showVolume(volume) {

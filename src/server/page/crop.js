@@ -4,6 +4,7 @@
 // Patient coordinates (LPS), mm. A box is its lowest and its highest corner; null is the whole
 // volume.
 
+import { decimalsOf, placeWords, stepIn } from "./lengths.js";
 import { keptPlanes, planesQuery, recalledPlanes } from "./planes.js";
 import { Projection } from "./projection.js";
 import { clamp } from "./vectors.js";
@@ -18,8 +19,8 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 /** Query parameters of the visible part of the volume. */
 export function cropQuery(state) {
-  const { crop } = state;
-  const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
+  const { crop, volume } = state;
+  const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(decimalsOf(volume))).join(",") } : {};
   return { ...box, ...planesQuery(state), ...tableQuery(state) };
 }
 
@@ -28,8 +29,8 @@ export const tableQuery = ({ table }) => (table === "keep" ? { table } : {});
 
 /** The part of the address for the crop box, the planes and the table; defaults are left out. */
 export function keptCrop(state) {
-  const { crop } = state;
-  const box = crop ? { crop: crop.flat().map((mm) => mm.toFixed(1)).join(",") } : {};
+  const { crop, volume } = state;
+  const box = crop ? { crop: crop.flat().map((mm) => mm.toFixed(decimalsOf(volume))).join(",") } : {};
   return { ...box, ...keptPlanes(state), ...tableQuery(state) };
 }
 
@@ -45,9 +46,10 @@ export function recalledCrop(words) {
 function withSide(crop, bounds, axis, corner, mm) {
   const box = (crop ?? bounds).map((place) => [...place]);
   const other = box[1 - corner][axis];
-  const [low, high] = corner === 0 ? [bounds[0][axis], other - LEAST_MM] : [other + LEAST_MM, bounds[1][axis]];
+  const least = stepIn(bounds, LEAST_MM, 80);
+  const [low, high] = corner === 0 ? [bounds[0][axis], other - least] : [other + least, bounds[1][axis]];
   box[corner][axis] = clamp(mm, Math.min(low, high), Math.max(low, high));
-  const isWhole = box.every((place, end) => place.every((value, i) => Math.abs(value - bounds[end][i]) < 0.05));
+  const isWhole = box.every((place, end) => place.every((value, i) => Math.abs(value - bounds[end][i]) < stepIn(bounds, 0.05, 10_000)));
   return isWhole ? null : box;
 }
 
@@ -76,10 +78,11 @@ export class Crop {
     const box = crop ?? volume.bounds_mm;
     SIDES.forEach(([axis, corner, name], at) => {
       const { range, output } = this.#rows[at];
+      range.step = stepIn(volume.bounds_mm, 0.5, 1000);
       [range.min, range.max] = volume.bounds_mm.map((place) => place[axis]);
       range.value = box[corner][axis];
-      output.textContent = `${box[corner][axis].toFixed(0)} mm`;
-      this.#handles[at].setAttribute("aria-label", `Crop, ${name}: ${box[corner][axis].toFixed(0)} mm`);
+      output.textContent = placeWords(box[corner][axis], volume);
+      this.#handles[at].setAttribute("aria-label", `Crop, ${name}: ${placeWords(box[corner][axis], volume)}`);
     });
     const camera = this.group.open && !slice.plane && this.shown()?.kind !== "frame" ? this.shown()?.camera : null;
     this.layer.hidden = !camera;
@@ -112,7 +115,7 @@ export class Crop {
     const line = Object.assign(document.createElement("div"), { className: "crop-side" });
     const label = Object.assign(document.createElement("label"), { htmlFor: `crop-${name}`, textContent: `${name[0].toUpperCase()}${name.slice(1)}` });
     const output = document.createElement("output");
-    const range = Object.assign(document.createElement("input"), { id: `crop-${name}`, type: "range", step: 0.5 });
+    const range = Object.assign(document.createElement("input"), { id: `crop-${name}`, type: "range" });
     range.addEventListener("input", () => this.#set(axis, corner, range.valueAsNumber, true));
     line.append(label, range, output);
     panel.append(line);
@@ -139,7 +142,7 @@ export class Crop {
       if (!ARROWS[event.key]) return;
       event.preventDefault();
       event.stopPropagation();
-      this.#set(axis, corner, this.#at(axis, corner) + STEP_MM * ARROWS[event.key], true);
+      this.#set(axis, corner, this.#at(axis, corner) + stepIn(this.state.volume.bounds_mm, STEP_MM, 200) * ARROWS[event.key], true);
     });
     this.layer.append(handle);
     return handle;

@@ -1,6 +1,7 @@
 // Picking: a click requests the patient position under it in the displayed picture. A marker stays at
 // that position. A second click with Shift measures the distance from the first.
 
+import { decimalsOf, lengthWords } from "./lengths.js";
 import { notify, showFailure } from "./notice.js";
 import { Projection } from "./projection.js";
 import { $, state, volumePath } from "./state.js";
@@ -9,17 +10,17 @@ import { request } from "./view.js";
 
 const lps = ([x, y, z]) =>
   [[x, "L", "R"], [y, "P", "A"], [z, "H", "F"]]
-    .map(([value, positive, negative]) => `${value < 0 ? negative : positive} ${Math.abs(value).toFixed(1)}`)
+    .map(([value, positive, negative]) => `${value < 0 ? negative : positive} ${Math.abs(value).toFixed(decimalsOf(state.volume))}`)
     .join(", ");
 
 const wordsOf = (found) => [
   ["Patient", `${lps(found.patient_mm)} mm`],
-  ["LPS", found.patient_mm.map((value) => value.toFixed(2)).join(", ")],
-  ["View depth", `${found.depth_mm.toFixed(1)} mm`],
+  ["LPS", found.patient_mm.map((value) => value.toFixed(decimalsOf(state.volume) + 1)).join(", ")],
+  ["View depth", lengthWords(found.depth_mm, decimalsOf(state.volume))],
   ...(found.segment ? [["Segment", found.segment.name ?? `label ${found.segment.label}`]] : []),
 ];
 
-const distanceWords = (from, to) => [["Distance", `${distance(from, to).toFixed(1)} mm, along a straight line`]];
+const distanceWords = (from, to) => [["Distance", `${lengthWords(distance(from, to), decimalsOf(state.volume))}, along a straight line`]];
 
 export class Picks {
   #pick = null;

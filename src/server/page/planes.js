@@ -5,6 +5,7 @@
 // its distance from the centre of the tissue along it.
 
 import { directionsOf } from "./orbit.js";
+import { decimalsOf, placeWords, stepIn } from "./lengths.js";
 import { add, distance, length, scale } from "./vectors.js";
 
 /** Greatest number of planes. */
@@ -14,15 +15,15 @@ const MOST = 4;
 export function planesQuery({ planes, volume }) {
   if (!planes.length || !volume) return {};
   const numbers = planes.flatMap(({ towards, at }) => [
-    ...add(volume.framing.center_mm, scale(towards, at)).map((mm) => mm.toFixed(1)),
+    ...add(volume.framing.center_mm, scale(towards, at)).map((mm) => mm.toFixed(decimalsOf(volume))),
     ...towards.map((part) => (-part).toFixed(4)),
   ]);
   return { clip_planes_mm: numbers.join(",") };
 }
 
 /** The part of the address for the planes; empty without planes. */
-export function keptPlanes({ planes }) {
-  const words = planes.map(({ towards, at }) => [...towards.map((part) => part.toFixed(4)), at.toFixed(1)].join(","));
+export function keptPlanes({ planes, volume }) {
+  const words = planes.map(({ towards, at }) => [...towards.map((part) => part.toFixed(4)), at.toFixed(decimalsOf(volume))].join(","));
   return planes.length ? { planes: words.join(";") } : {};
 }
 
@@ -54,8 +55,8 @@ export class Planes {
     const reach = distance(...volume.bounds_mm) / 2;
     planes.forEach(({ at }, index) => {
       const { range, output } = this.#rows[index];
-      Object.assign(range, { min: -reach, max: reach, value: at });
-      output.textContent = `${at.toFixed(0)} mm`;
+      Object.assign(range, { step: stepIn(volume.bounds_mm, 0.5, 1000), min: -reach, max: reach, value: at });
+      output.textContent = placeWords(at, volume);
     });
   }
 
@@ -73,7 +74,7 @@ export class Planes {
   #row(index) {
     const line = Object.assign(document.createElement("div"), { className: "crop-side crop-plane" });
     const label = Object.assign(document.createElement("label"), { htmlFor: `plane-${index}`, textContent: `Plane ${index + 1}` });
-    const range = Object.assign(document.createElement("input"), { id: `plane-${index}`, type: "range", step: 0.5 });
+    const range = Object.assign(document.createElement("input"), { id: `plane-${index}`, type: "range" });
     range.addEventListener("input", () => {
       const moved = { ...this.state.planes[index], at: range.valueAsNumber };
       this.#set(this.state.planes.with(index, moved), true);

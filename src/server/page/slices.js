@@ -3,6 +3,7 @@
 // Positions in DICOM patient coordinates (LPS), mm; windows in HU. It accesses only the controls of
 // slices.
 
+import { decimalsOf } from "./lengths.js";
 import { clamp } from "./vectors.js";
 
 /** Standard planes of the server: the axis of the slice numbers, and the directions of right and up. */
@@ -15,7 +16,7 @@ export const PLANES = {
 /** No slice; the initial values of one. `at` is the centre of the picture, null is the centre of the volume. */
 export const NO_SLICE = Object.freeze({ plane: "", at: null, zoom: 1, slab: 0, blend: "mean", center: 40, width: 400 });
 
-const round = (value) => Number(value.toFixed(2));
+const round = (value, decimals = 2) => Number(value.toFixed(decimals));
 
 /** The volume's extent along a direction of the axes, mm. */
 export function extent({ bounds_mm: [low, high] }, direction) {
@@ -31,11 +32,12 @@ function heightOf({ plane, zoom }, volume, aspect) {
 /** Query parameters of a slice for a picture of this aspect. */
 export function sliceQuery(slice, volume, aspect) {
   const { plane, at, slab, blend, center, width } = slice;
+  const decimals = decimalsOf(volume) + 1;
   return {
     mode: "slice",
     plane,
-    center_mm: (at ?? volume.center_mm).map(round).join(","),
-    height_mm: round(heightOf(slice, volume, aspect)),
+    center_mm: (at ?? volume.center_mm).map((mm) => round(mm, decimals)).join(","),
+    height_mm: round(heightOf(slice, volume, aspect), decimals),
     slab_mm: slab,
     slab_blend: blend,
     window_hu: `${center},${width}`,
@@ -109,7 +111,7 @@ export function sliceWords({ plane, at, slab, blend }, volume) {
   const { axis } = PLANES[plane];
   const mm = (at ?? volume.center_mm)[axis];
   const letter = ["LR", "PA", "HF"][axis][mm < 0 ? 1 : 0];
-  const place = `${sliceNumber(volume, axis, mm).join("/")}, ${letter} ${Math.abs(mm).toFixed(1)} mm`;
+  const place = `${sliceNumber(volume, axis, mm).join("/")}, ${letter} ${Math.abs(mm).toFixed(decimalsOf(volume))} mm`;
   const words = [plane, place];
   if (slab > 0) words.push(`${blend} of ${slab} mm`);
   return words;
@@ -118,7 +120,7 @@ export function sliceWords({ plane, at, slab, blend }, volume) {
 /** The part of the address for a slice; empty without one. */
 export function kept({ plane, at, slab, blend, center, width }) {
   if (!plane) return {};
-  return { plane, at: (at ?? []).map(round).join(","), slab, blend, window: `${center},${width}` };
+  return { plane, at: (at ?? []).map((mm) => round(mm, 5)).join(","), slab, blend, window: `${center},${width}` };
 }
 
 /** Reads the slice from an address; invalid values are replaced by defaults. */

@@ -4,6 +4,7 @@
 // The formulas are those of the server's `annotation` crate: a measure displayed while a point moves
 // equals the one that the server returns afterwards.
 
+import { lengthWords } from "/lengths.js";
 import { add, cross, distance, dot, length, lerp, scale, sub, unit } from "/vectors.js";
 
 export * from "/vectors.js";
@@ -167,6 +168,7 @@ const UNITS = { mm: "mm", deg: "°", mm2: "mm²", mL: "ml" };
 
 /** A measure as text. */
 export function measureWords({ value, unit: code }) {
+  if (code === "mm" && value < 0.1) return lengthWords(value);
   const digits = value >= 1000 ? 0 : value >= 100 ? 1 : 2;
   const number = code === "deg" ? value.toFixed(1) : value.toFixed(digits);
   return code === "deg" ? `${number}°` : `${number} ${UNITS[code] ?? code}`;

@@ -1,6 +1,7 @@
 // The choice of volume, author, set and cursor, and the settings of the views.
 
 import { Crop } from "/crop.js";
+import { spacingWords } from "/lengths.js";
 import { Planes } from "/planes.js";
 import { request } from "/view.js";
 import { identityOf, showWarnings } from "/series.js";
@@ -22,13 +23,12 @@ export const pageFacts = {
   },
 
   volume(volume) {
-    const { id, dims, spacing_mm: spacing, hu_range: [low, high] } = volume;
+    const { id, dims, hu_range: [low, high] } = volume;
     $("series").textContent = identityOf(volume);
     $("series").hidden = !$("volume-field").hidden; // the menu has it
     showWarnings($("series-warnings"), volume);
     const size = `${dims.join(" × ")} voxels`;
-    const step = `${spacing.map((value) => Number(value.toFixed(3))).join(" × ")} mm`;
-    $("volume-facts").textContent = [size, step, `${low} to ${high} HU`].join(DOT);
+    $("volume-facts").textContent = [size, spacingWords(volume), `${low} to ${high} HU`].join(DOT);
     this.menu?.choose(id);
     $("volume-menu").querySelector("summary").textContent = identityOf(volume);
     history.replaceState(null, "", `#volume=${id}`);

@@ -10,6 +10,7 @@
 import { onControls } from "./controls.js";
 import { comfortOf, comfortProblems, comfortWords, drawHistogram, landmarksOutsideWords, outsideWords, parallaxOf } from "./comfort.js";
 import { Panel } from "./panel.js";
+import { identityOf } from "/series.js";
 import { compose, layoutOf } from "./frame.js";
 import { eyesOf, outputOf, screenOf, seenThrough, trackedEyes } from "./outputs.js";
 import { showPairing } from "./pairing.js";
@@ -32,6 +33,8 @@ const TRACKING = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from a
 let shown = null;
 let connection = { state: "connecting", reason: "" };
 let view = null;
+/** The name of the displayed series. */
+let series = "";
 let tracking = "";
 let remote = "";
 /** The message about the SpaceMouse. */
@@ -205,6 +208,7 @@ const session = new Session(helloOf(), {
     rested();
   },
   heard(message) {
+    if (message.type === "welcome") document.title = series = identityOf(message.volume);
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
     if (message.type === "state") view = { ...view, state: message.state, outside: message.outside };
     if (message.type === "eyes") follow(message);
@@ -295,6 +299,7 @@ function fillFacts() {
   if (!shown) return;
   const { full, size, lossless, layout, totalUs, renderUs } = shown;
   const facts = {
+    Series: series,
     View: view ? `${view.name}, ${view.role}` : "",
     Layout: `${output ? output.words : layout}, ${canvas.width} × ${canvas.height}`,
     Views: output ? `${output.views}, made ${synthesizer.place} in ${Math.max(...madeMs).toFixed(1)} ms at most` : "",
