@@ -78,7 +78,7 @@ export class Crop {
     const box = crop ?? volume.bounds_mm;
     SIDES.forEach(([axis, corner, name], at) => {
       const { range, output } = this.#rows[at];
-      range.step = stepIn(volume.bounds_mm, 0.5, 1000);
+      range.step = stepIn(volume.bounds_mm, 0.5, 500);
       [range.min, range.max] = volume.bounds_mm.map((place) => place[axis]);
       range.value = box[corner][axis];
       output.textContent = placeWords(box[corner][axis], volume);

@@ -55,7 +55,7 @@ export class Planes {
     const reach = distance(...volume.bounds_mm) / 2;
     planes.forEach(({ at }, index) => {
       const { range, output } = this.#rows[index];
-      Object.assign(range, { step: stepIn(volume.bounds_mm, 0.5, 1000), min: -reach, max: reach, value: at });
+      Object.assign(range, { step: stepIn(volume.bounds_mm, 0.5, 500), min: -reach, max: reach, value: at });
       output.textContent = placeWords(at, volume);
     });
   }
