@@ -116,7 +116,7 @@ pub enum ArchiveError {
 pub enum Total {
     /// Instances of a series, as the archive counts them.
     Instances(u64),
-    /// The archive says that there are more, and not how many.
+    /// Unknown: the archive only announces that there are more.
     More,
 }
 
@@ -124,12 +124,12 @@ impl std::fmt::Display for Total {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Instances(count) => write!(f, "{count} instances"),
-            Self::More => f.write_str("its matches, as it says itself"),
+            Self::More => f.write_str("its matches, and announces more"),
         }
     }
 }
 
-/// What a status means for the caller, where it is not obvious.
+/// Advice about a status, or nothing.
 fn hint(status: u16) -> &'static str {
     match status {
         300..400 => ", a redirect; redirects are not followed: give the address that it leads to",

@@ -60,7 +60,7 @@ const FIELDS: [&str; 7] = [
 /// One answer to a search.
 pub(crate) struct Page {
     pub(crate) matches: Vec<Map<String, Value>>,
-    /// Whether the archive says that it has more matches behind these.
+    /// Whether the answer announces further matches.
     has_more: bool,
 }
 
@@ -92,7 +92,8 @@ impl Archive {
     /// The UIDs of the instances of a series, sorted.
     ///
     /// # Errors
-    /// As for [`Archive::series`], and when there are none, or fewer than the archive counts.
+    /// As for [`Archive::series`]; also when the series has no instances, or when the archive lists
+    /// fewer instances than it counts.
     pub(crate) fn instances(&self, study: &str, series: &str) -> Result<Vec<String>, ArchiveError> {
         let path = format!("/studies/{study}/series/{series}/instances");
         let found = self.runtime.block_on(self.all(&path, &[], "00080018", MOST_INSTANCES, "series"))?;
@@ -115,8 +116,10 @@ impl Archive {
         let path = format!("/studies/{study}/series");
         let query = [("SeriesInstanceUID", series), ("includefield", COUNT)];
         let page = match self.tried(async || self.page(&path, &query, "series").await).await {
-            // It lists instances, but does not search for series.
-            Err(ArchiveError::Missing { .. } | ArchiveError::Status { .. }) => return Ok(None),
+            // Some archives list instances but do not support this search.
+            Err(ArchiveError::Missing { .. } | ArchiveError::Status { status: 400..=499 | 501, .. }) => {
+                return Ok(None);
+            }
             page => page?,
         };
         let is_wanted = |found: &&Map<String, Value>| text(found, "0020000E") == series;
@@ -128,8 +131,8 @@ impl Archive {
     }
 
     /// All matches, page by page. Archives that ignore `offset` send one page again and again: a
-    /// page without a new `key` is the last one. If the archive says that more follow, that is an
-    /// error.
+    /// page without a new `key` is the last one. If that page announces more matches, the list is
+    /// incomplete, which is an error.
     async fn all(
         &self,
         path: &str,
@@ -178,8 +181,9 @@ impl Archive {
     }
 }
 
-/// Whether an answer to a search has a part of the matches only: status 206, or a warning about
-/// "additional results" (PS3.18 8.3.4.4). Other warnings have the same number, 299.
+/// Whether an answer to a search has only a part of the matches: status 206, or a warning about
+/// "additional results" (PS3.18 8.3.4.4). The number of the warning, 299, is not enough: other
+/// warnings have it too.
 fn has_more(response: &Response) -> bool {
     let is_cut =
         |warning: &[u8]| String::from_utf8_lossy(warning).to_ascii_lowercase().contains("additional results");

@@ -17,7 +17,7 @@ use super::dataset::DataSet;
 
 const ESCAPE: u8 = 0x1B;
 
-/// How a data set's text is written.
+/// The character sets of a data set.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Charset(Repertoire);
 
@@ -94,7 +94,7 @@ impl Charset {
         item.text(tags::SPECIFIC_CHARACTER_SET).map_or(self, |named| Self(Repertoire::named(&named)))
     }
 
-    /// A text value without its padding; `None` when absent. Bytes that mean nothing become
+    /// A text value without its padding; `None` when absent. Invalid bytes become
     /// replacement characters.
     pub(super) fn text(self, data: &DataSet, tag: Tag) -> Option<String> {
         let text = self.0.decode(data.bytes(tag)?, delimiters(tag));
@@ -170,7 +170,7 @@ fn decode_extended(bytes: &[u8], first: Option<Upper>, delimiters: &[u8]) -> Str
             rest = &rest[1 + sequence.len()..];
             continue;
         }
-        // Before an escape a delimiter stands alone, although no escape came before it: some writers do so.
+        // Some writers leave out the escape before a delimiter. The next escape follows it directly.
         let is_followed = rest.get(1).is_some_and(|next| (0x21..=0x7E).contains(next));
         let length = match (byte, lower, upper) {
             (0x21..=0x7E, Lower::Jis0208 | Lower::Jis0212, _) if is_followed => 2,

@@ -177,8 +177,8 @@ impl Discovery {
         }
     }
 
-    /// The series whose phase has this number, from 1, in the order of time; of `uid`, where several
-    /// have phases.
+    /// The series with this number among its phases (see [`SeriesEntry::phase`]); `uid` chooses where
+    /// several series have phases.
     ///
     /// # Errors
     /// When there is no series, when none has this phase, or when several have.

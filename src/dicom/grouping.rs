@@ -185,8 +185,12 @@ fn by_shape(group: Group) -> Vec<Group> {
     }
     // Lists show the size and the spacing.
     let warnings = group.warnings;
-    let part =
-        |frames| Group { frames, differs: group.differs.clone(), phase: None, warnings: warnings.clone() };
+    let part = |frames| Group {
+        frames,
+        differs: group.differs.clone(),
+        phase: group.phase,
+        warnings: warnings.clone(),
+    };
     shapes.into_iter().map(part).collect()
 }
 
@@ -284,7 +288,7 @@ fn at_same_places(groups: &[Group]) -> bool {
     })
 }
 
-/// Numbers groups that are the phases of one region, in the order of time.
+/// Numbers groups that are the phases of one region, in their order.
 fn as_phases(groups: Vec<Group>) -> Vec<Group> {
     let count = groups.len();
     let numbered = |(index, group)| Group { phase: Some(Phase { number: index + 1, count }), ..group };

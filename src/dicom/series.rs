@@ -10,7 +10,7 @@ use relief_base::Budget;
 /// A phase of a series that shows one region several times: 4D CT, a heart, perfusion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Phase {
-    /// From 1, in the order of time.
+    /// From 1, in the order of the attribute that distinguishes the phases, or else of time.
     pub number: usize,
     /// Phases of the series.
     pub count: usize,

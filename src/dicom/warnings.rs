@@ -42,7 +42,7 @@ pub enum WarningCode {
 }
 
 impl WarningCode {
-    /// The anomaly in one sentence, for people who do not see the files: it names none, and no values.
+    /// The anomaly in one sentence, without names of files and values: other people may read it.
     #[must_use]
     pub fn summary(self) -> &'static str {
         match self {

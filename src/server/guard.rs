@@ -22,7 +22,7 @@ use super::state::Config;
 
 /// Refuses requests under a foreign name, and writes that come from another site's page.
 pub(super) async fn same_site(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
-    // Two names may be checked here and used by a proxy the other way round (RFC 9112 3.2).
+    // This check and a proxy might read different ones (RFC 9112 3.2).
     if request.headers().get_all(header::HOST).iter().nth(1).is_some() {
         let detail = "the request has several Host headers";
         return Problem::new(StatusCode::BAD_REQUEST, "malformed-host", detail).into_response();

@@ -103,7 +103,7 @@ impl Grid {
         [axes.x_axis.length(), axes.y_axis.length(), axes.z_axis.length()]
     }
 
-    /// The length that has the part of a millimetre where constants are made for bodies, such as the
+    /// The length that replaces the millimetre in constants that are made for bodies, such as the
     /// opacity of presets: 1 mm for bodies and their parts; the smallest spacing for volumes on another
     /// scale, such as micro-CT. So a volume of 35 µm looks like one of 1 mm with the same voxels.
     ///

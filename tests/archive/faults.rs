@@ -74,7 +74,7 @@ fn unreliable(files: Vec<Vec<u8>>) -> StandIn {
                 write_head(stream, "200 OK", kind, body.len())?;
                 stream.write_all(&body[..body.len() / 2])
             }
-            // Nobody has to want it: a proxy may compress.
+            // Compressed, as by a proxy.
             _ => reply(stream, "200 OK\r\nContent-Encoding: gzip", kind, &gzip(&body)),
         }
     })
@@ -145,7 +145,7 @@ fn endless_answers_end_in_an_error() {
 fn a_part_of_a_series_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.png");
-    // Whatever the offset, these are the first 10.
+    // The same 10 instances for any offset.
     let ten = || listed("00080018", (0..10).map(|number| format!("1.{number}")));
     let counted = |count: u64| {
         let one = serde_json::json!([{
@@ -160,7 +160,8 @@ fn a_part_of_a_series_is_refused() {
         ("200 OK", 16, Some("lists only 10 of 16 instances")),
         ("206 Partial Content", 10, Some("lists only 10 of its matches")),
         (&*format!("200 OK\r\n{more}"), 10, Some("lists only 10 of its matches")),
-        // Whole: the error is about the files, of which there are none.
+        // This list is complete. The client goes on to retrieve the files, which this archive does not
+        // have.
         (&*format!("200 OK\r\n{other}"), 10, None),
     ] {
         let status = status.to_owned();

@@ -36,9 +36,9 @@ Examples:
   relief inspect panel.json
   relief inspect 'dicomweb+https://ct-server/dicom-web?PatientID=4711&Modality=CT' --archive-login-file login")]
 pub(super) struct InspectArguments {
-    /// CT series (folder, file, DICOMDIR or zip), a volume (.nii, .nii.gz, .nrrd), a 2D-plus-depth frame (PNG), a film of frames (.mkv,
-    /// .mp4 and others), a panel (.json) or a DICOM archive (dicomweb+https://HOST/ROOT, with
-    /// /studies/UID or ?ATTRIBUTE=VALUE if wanted)
+    /// CT series (folder, file, DICOMDIR or zip), a volume (.nii, .nii.gz, .nrrd), a 2D-plus-depth frame
+    /// (PNG), a film of frames (.mkv, .mp4 and others), a panel (.json) or a DICOM archive
+    /// (dicomweb+https://HOST/ROOT, with /studies/UID or ?ATTRIBUTE=VALUE if wanted)
     #[arg(value_name = "SERIES|VOLUME|FRAME.png|FILM|PANEL.json|ARCHIVE")]
     path: PathBuf,
     /// Print one JSON object

@@ -8,7 +8,7 @@ export function decimalsOf({ spacing_mm: spacing }) {
   return finest >= 0.1 ? 1 : Math.ceil(1 - Math.log10(finest));
 }
 
-/** A step of a control: so many mm in a body, and a part of the diagonal of smaller volumes. */
+/** A step of a control: `mm` in bodies, the diagonal divided by `parts` in smaller volumes. */
 export const stepIn = (bounds, mm, parts) => Math.min(mm, distance(...bounds) / parts);
 
 /** A length for people: in mm, or in µm where it is less than a tenth of a millimetre. */
