@@ -52,7 +52,9 @@ fn a_head_comes_with_its_organs_and_landmarks_and_can_be_replaced() {
     let database = parent.path().join("head.db");
     let annotate = |arguments: &[&std::ffi::OsStr]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_relief"));
-        let output = command.args(["annotate", "--db"]).arg(&database).args(arguments).output().unwrap();
+        // A user without a name in the system has to give one.
+        command.env("RELIEF_AUTHOR", "tester").args(["annotate", "--db"]).arg(&database);
+        let output = command.args(arguments).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
