@@ -15,10 +15,11 @@ import sys
 
 import numpy as np
 import pydicom
-from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.uid import (
     CTImageStorage,
     DeflatedExplicitVRLittleEndian,
+    EnhancedCTImageStorage,
     ExplicitVRBigEndian,
     ExplicitVRLittleEndian,
     ImplicitVRLittleEndian,
@@ -41,6 +42,7 @@ KINDS = [
     "plain", "plain", "plain", "turned", "two patients", "two studies", "two frames of reference", "phases by position index",
     "phases by trigger time", "phases by acquisition", "missing slice", "repeated slice", "two kernels", "localizer beside",
     "empty series uid", "damaged file beside", "two sizes", "falling order", "uneven time of each slice",
+    "enhanced", "enhanced, shuffled frames", "enhanced in two objects", "enhanced phases", "enhanced stacks",
 ]
 
 
@@ -110,6 +112,46 @@ class Series:
         order = ">" if self.syntax == ExplicitVRBigEndian else "<"
         one.PixelData = values.astype(order + ("i2" if self.is_signed else "u2")).tobytes()
         if self.syntax == RLELossless:
+            one.compress(RLELossless)
+        return one
+
+    def enhanced(self, values, indices, content=lambda frame: {}):
+        """An Enhanced CT object (PS3.3 A.38): a frame for each index of a slice, with these attributes of its content."""
+        one = self.slice(values[indices[0]], indices[0], 1)
+        in_frames = self.dice.random() < 0.5
+        transformation, frame_type, measures = Dataset(), Dataset(), Dataset()
+        for key in ("RescaleSlope", "RescaleIntercept", "RescaleType"):
+            setattr(transformation, key, getattr(one, key))
+        frame_type.FrameType = ["ORIGINAL", "PRIMARY", "VOLUME", "NONE"]
+        measures.PixelSpacing, measures.SliceThickness = one.PixelSpacing, one.SliceThickness
+        orientation = Dataset()
+        orientation.ImageOrientationPatient = one.ImageOrientationPatient
+        shared, per_frame = Dataset(), []
+        shared.PixelMeasuresSequence, shared.CTImageFrameTypeSequence = [measures], [frame_type]
+        if not in_frames:
+            shared.PlaneOrientationSequence, shared.PixelValueTransformationSequence = [orientation], [transformation]
+        for frame, index in enumerate(indices):
+            position, contents, groups = Dataset(), Dataset(), Dataset()
+            position.ImagePositionPatient = [f"{value:.8g}" for value in self.place(index)]
+            contents.FrameAcquisitionNumber = 1
+            for key, value in content(frame).items():
+                setattr(contents, key, value)
+            groups.PlanePositionSequence, groups.FrameContentSequence = [position], [contents]
+            if in_frames:
+                groups.PlaneOrientationSequence, groups.PixelValueTransformationSequence = [orientation], [transformation]
+            per_frame.append(groups)
+        for key in ("ImagePositionPatient", "ImageOrientationPatient", "PixelSpacing", "SliceThickness", "RescaleSlope",
+                    "RescaleIntercept", "RescaleType"):
+            delattr(one, key)
+        one.file_meta.MediaStorageSOPClassUID = one.SOPClassUID = EnhancedCTImageStorage
+        one.ImageType = ["ORIGINAL", "PRIMARY", "VOLUME", "NONE"]
+        one.SharedFunctionalGroupsSequence, one.PerFrameFunctionalGroupsSequence = [shared], per_frame
+        one.NumberOfFrames = len(indices)
+        order = ">" if self.syntax == ExplicitVRBigEndian else "<"
+        one.PixelData = values[indices].astype(order + ("i2" if self.is_signed else "u2")).tobytes()
+        if self.syntax == RLELossless:
+            one.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+            one["PixelData"].is_undefined_length = False
             one.compress(RLELossless)
         return one
 
@@ -190,6 +232,34 @@ def made(seed):
         one.rows += 1
         other = one.voxels()
         beside()
+    elif kind.startswith("enhanced"):
+        if dice.random() < 0.5:
+            one.turned()
+        volumes = [one.volume(values)]
+        all_slices = list(range(one.count))
+        if kind == "enhanced":
+            files = [one.enhanced(values, all_slices)]
+        elif kind == "enhanced, shuffled frames":
+            dice.shuffle(all_slices)
+            files = [one.enhanced(values, all_slices, lambda frame: {"InStackPositionNumber": frame + 1})]
+        elif kind == "enhanced in two objects":
+            half = one.count // 2
+            files = [one.enhanced(values, all_slices[:half]), one.enhanced(values, all_slices[half:])]
+        else:
+            # Two volumes at the same places in one object: the frames of the second follow those of the first, or alternate.
+            both = np.concatenate([values, other])
+            keys = [(volume, index) for volume in range(2) for index in range(one.count)]
+            if dice.random() < 0.5:
+                keys = [(volume, index) for index in range(one.count) for volume in range(2)]
+            name = "TemporalPositionIndex" if kind == "enhanced phases" else "StackID"
+            value = (lambda volume: volume + 1) if kind == "enhanced phases" else (lambda volume: str(volume + 1))
+            place, frames = one.place, [volume * one.count + index for volume, index in keys]
+            one.place = lambda index: place(index % one.count)
+            files = [one.enhanced(both, frames, lambda frame: {name: value(keys[frame][0])})]
+            one.place = place
+            volumes.append(one.volume(other))
+            if kind == "enhanced phases":
+                phases()
     elif kind == "uneven time of each slice":
         for number, file in enumerate(files):
             file.AcquisitionTime = f"1200{number:02d}.{dice.randrange(10**6):06d}"
