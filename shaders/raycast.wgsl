@@ -13,6 +13,8 @@ override FETCH_TOGETHER: bool = false;
 // tiles are therefore interleaved between runs, so that each run has an equal share of the visible
 // part.
 override RUNS: u32 = 1u;
+// Paints the slice of the volume on cut faces.
+override CUT_SLICE: bool = false;
 // Writes the number of volume samples in place of the depth, for measuring.
 override COUNT_SAMPLES: bool = false;
 
@@ -43,6 +45,8 @@ struct Hit {
     t: f32,
     // The first visible sample.
     first: f32,
+    // Whether the slice on a cut face ends the ray.
+    is_painted: bool,
     // Volume samples taken, gradients and depth refinement left out.
     samples: f32,
 }
@@ -70,7 +74,7 @@ fn raycast(
     let at = id.y * frame.size_px.x + id.x;
     write_hit(at, ray, hit);
     if DEPTH_RULE == DEPTH_TWO_LAYER {
-        write_hit(at + frame.size_px.x * frame.size_px.y, ray, back_layer(ray, hit.first));
+        write_hit(at + frame.size_px.x * frame.size_px.y, ray, back_layer(ray, hit));
     }
 }
 
@@ -125,23 +129,44 @@ struct Gathered {
 
 // The ray behind the first layer, as if that layer were absent: its colour, and its depth by the
 // threshold rule.
-fn back_layer(ray: Ray, first: f32) -> Hit {
+// Behind a painted face there is nothing.
+fn back_layer(ray: Ray, front: Hit) -> Hit {
     var hit: Hit;
     hit.t = MISS;
+    if front.is_painted {
+        return hit;
+    }
     let walk = walk_of(ray);
-    let end = front_layer(ray, walk, first).end;
+    let end = front_layer(ray, walk, front.first).end;
     if end < sample_count(ray) {
-        hit = composite_from(ray, walk, end);
+        hit = composite_from(ray, walk, end, 0.0);
     }
     return hit;
 }
 
 fn composite(ray: Ray) -> Hit {
-    return composite_from(ray, walk_of(ray), 0.0);
+    if !CUT_SLICE {
+        return composite_from(ray, walk_of(ray), 0.0, 0.0);
+    }
+    let face = painted_face(ray);
+    if face.t >= MISS {
+        return composite_from(ray, walk_of(ray), 0.0, 0.0);
+    }
+    // The face is opaque, and ends the ray.
+    var before = ray;
+    before.exit = select(ray.cut_in, ray.entry - frame.sample_distance_mm, face.t == ray.entry);
+    var hit = composite_from(before, walk_of(before), 0.0, 1.0);
+    if hit.t >= MISS {
+        hit.t = face.t;
+    }
+    hit.color += (1.0 - hit.color.a) * vec4<f32>(vec3<f32>(face.grey), 1.0);
+    hit.is_painted = true;
+    return hit;
 }
 
-// Samples from number `start` on, blended front to back.
-fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
+// Samples from number `start` on, blended front to back; what lies behind the last one has opacity
+// `behind`, 0 or 1.
+fn composite_from(ray: Ray, walk: Walk, start: f32, behind: f32) -> Hit {
     let count = sample_count(ray);
     var sum = Gathered(vec3<f32>(0.0), 0.0, count, -2.0, 0.0, count, vec2<f32>(0.0));
     var samples = 0.0;
@@ -179,6 +204,13 @@ fn composite_from(ray: Ray, walk: Walk, start: f32) -> Hit {
     hit.first = sum.first;
     hit.samples = samples;
     hit.t = MISS;
+    if behind > 0.0 {
+        // The depth is that of the face where the samples before it do not reach the threshold.
+        if sum.opacity < VISIBLE || frame.depth_fraction * OPAQUE > sum.opacity {
+            return hit;
+        }
+        sum.opacity = 1.0;
+    }
     if sum.opacity >= VISIBLE {
         if DEPTH_RULE == DEPTH_THRESHOLD || DEPTH_RULE == DEPTH_TWO_LAYER {
             if DEPTH_RULE == DEPTH_TWO_LAYER && start == 0.0 {
@@ -221,6 +253,7 @@ fn gather(sum: ptr<function, Gathered>, ray: Ray, k: f32, p: vec3<f32>, fetched:
         if !FETCH_TOGETHER {
             gradient = gradient_at(p);
         }
+        gradient = faced(ray, sample_t(ray, k), gradient);
         rgb = lit(sample.rgb, gradient, ray.direction, p);
     }
     blend(sum, k, rgb, sample.a);
@@ -244,13 +277,13 @@ fn gather_passage(sum: ptr<function, Gathered>, ray: Ray, k: f32, passage: Passa
         let front_place = select(-0.25, 0.25, passed.front.a < LITTLE * opacity);
         let back_place = select(0.25, -0.25, passed.back.a < LITTLE * opacity);
         let p = sample_voxel(ray, k + front_place);
-        let gradient = gradient_at(p);
+        let gradient = faced(ray, sample_t(ray, k + front_place), gradient_at(p));
         front = lit(passed.front.rgb, gradient, ray.direction, p);
         var p_behind = p;
         var gradient_behind = gradient;
         if back_place != front_place {
             p_behind = sample_voxel(ray, k + back_place);
-            gradient_behind = gradient_at(p_behind);
+            gradient_behind = faced(ray, sample_t(ray, k + back_place), gradient_at(p_behind));
         }
         back = lit(passed.back.rgb, gradient_behind, ray.direction, p_behind);
     }

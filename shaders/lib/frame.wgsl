@@ -68,6 +68,12 @@ struct Frame {
     // opacity of a crossing.
     surface_hu: array<vec4<f32>, 2>,
     surface_rgba: array<vec4<f32>, 8>,
+    // Distance over which the light of a cut face fades into that of gradients, mm.
+    face_fade_mm: f32,
+    // Window of the slice on cut faces: its lowest value, and one over its width; HU.
+    face_lowest_hu: f32,
+    face_per_hu: f32,
+    padding: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -96,6 +102,10 @@ struct Ray {
     sample_voxels: vec3<f32>,
     // View depth per mm of t.
     depth_step: f32,
+    // Normals along the patient axes, towards the eye, of the face through which the ray enters, and
+    // of the sphere where the ray leaves it.
+    entry_normal: vec3<f32>,
+    wall_normal: vec3<f32>,
 }
 
 // A line of sight in start space: a point before the volume, and a direction of unit length.
@@ -131,6 +141,11 @@ fn ray_of_pixel(pixel: vec2<u32>) -> Ray {
     let cut = cut_interval(origin, direction);
     ray.cut_in = cut.x;
     ray.cut_out = cut.y;
+    ray.entry_normal = entry_normal(ray, origin, direction);
+    ray.wall_normal = vec3<f32>(0.0);
+    if cut.x < cut.y {
+        ray.wall_normal = frame.patient_from_view * normalize(frame.cut_center - origin - direction * cut.y);
+    }
     var anchor = box_interval(ray.origin_voxel, ray.step_voxel, 0.0).x;
     if !(abs(anchor - ray.entry) < FAR_OFF) {
         anchor = ray.entry;
@@ -175,6 +190,34 @@ fn clip_interval(origin: vec3<f32>, direction: vec3<f32>, interval: vec2<f32>) -
         }
     }
     return kept;
+}
+
+// The normal of the face of the volume's box or the clip plane that a ray passes last before its
+// entry.
+fn entry_normal(ray: Ray, origin: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let safe = select(ray.step_voxel, vec3<f32>(1e-20), abs(ray.step_voxel) < vec3<f32>(1e-20));
+    let forward = safe > vec3<f32>(0.0);
+    let faces = (select(frame.dims - 0.5, vec3<f32>(-0.5), forward) - ray.origin_voxel) / safe;
+    let last = max(max(faces.x, faces.y), faces.z);
+    // Gradients and normals are transformed alike.
+    var axis = vec3<f32>(0.0, 0.0, 1.0);
+    if faces.x == last {
+        axis = vec3<f32>(1.0, 0.0, 0.0);
+    } else if faces.y == last {
+        axis = vec3<f32>(0.0, 1.0, 0.0);
+    }
+    var entry = last;
+    var normal = normalize(frame.patient_from_voxel_gradient * axis);
+    for (var i = 0u; i < frame.clip_plane_count; i++) {
+        let plane = frame.clip_planes[i];
+        let slope = dot(plane.xyz, direction);
+        let at = -(dot(plane.xyz, origin) + plane.w) / select(slope, 1.0, slope < 1e-12);
+        if slope >= 1e-12 && at > entry {
+            entry = at;
+            normal = frame.patient_from_view * plane.xyz;
+        }
+    }
+    return select(normal, -normal, dot(normal, ray.direction) > 0.0);
 }
 
 // Where a ray is inside the sphere that is cut away; an empty interval where it is not.

@@ -79,7 +79,13 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
         k += 1.0;
     }
     let start = max(k - 1.0, 0.0);
-    return refine_crossing(ray, sample_t(ray, start - 0.5), i32(k - start) + 1, before, target_opacity);
+    let slabs = i32(k - start) + 1;
+    if start == 0.0 && opacity_at(ray, ray.entry) > 0.0 {
+        // A cut face: what lies between it and the first sample counts, so that the depth is the
+        // face's.
+        return refine_crossing(ray, ray.entry, slabs + 1, before, target_opacity);
+    }
+    return refine_crossing(ray, sample_t(ray, start - 0.5), slabs, before, target_opacity);
 }
 
 // The crossing within `slabs` sample distances from `begin` (mm) on, before which `before` has

@@ -10,6 +10,7 @@
 //! bytes.
 
 use super::chosen::ChosenBlocks;
+use super::cut::CutFaces;
 use super::detail::Detail;
 use super::illumination::{Illumination, Occlusion};
 use super::labels::{Labels, Look};
@@ -96,6 +97,7 @@ impl FingerprintBytes {
             depth,
             needs_depth,
             clip,
+            cut,
             table,
             labels,
             blocks,
@@ -146,6 +148,7 @@ impl FingerprintBytes {
         self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
         self.unusual(*detail, blocks.as_deref(), *needs_depth);
+        self.faces_and_caption(*cut, overlays.caption.as_deref());
     }
 
     /// Last, and only where they are not the usual ones: names of other pictures stay.
@@ -159,6 +162,18 @@ impl FingerprintBytes {
         }
         if !needs_depth {
             self.text("without depth");
+        }
+    }
+
+    /// As [`Self::unusual`].
+    fn faces_and_caption(&mut self, cut: CutFaces, caption: Option<&str>) {
+        if let CutFaces::Slice { window_hu } = cut {
+            self.text("cut slice");
+            self.numbers(&window_hu);
+        }
+        if let Some(caption) = caption {
+            self.text("caption");
+            self.text(caption);
         }
     }
 
@@ -253,6 +268,7 @@ impl FingerprintBytes {
             bounding_box,
             orientation_cube,
             scale_bar,
+            caption: _, // among the unusual
             label_height_px,
             label_depths_mm,
             occluded,
@@ -346,6 +362,8 @@ mod tests {
             r#"{"background_rgb":[0,0,0.001]}"#.to_owned(),
             r#"{"clip":{"planes":[{"point_mm":[0,0,0],"normal":[1,0,0]}]}}"#.to_owned(),
             r#"{"clip":{"planes":[{"point_mm":[1,0,0],"normal":[1,0,0]}]}}"#.to_owned(),
+            r#"{"cut":"slice"}"#.to_owned(),
+            r#"{"cut":{"slice":{"window_hu":[40,401]}}}"#.to_owned(),
             r#"{"overlays":{"scale_bar":true}}"#.to_owned(),
             r#"{"overlays":{"orientation_cube":true}}"#.to_owned(),
             landmark(""),

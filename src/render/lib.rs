@@ -32,6 +32,7 @@ mod bands;
 mod calibrate;
 mod chosen;
 mod classification;
+mod cut;
 mod depth_rule;
 mod detail;
 mod emptiness;
@@ -83,6 +84,7 @@ mod watch;
 pub use crate::volume_plan::{VolumeLimits, VolumePlan};
 pub use chosen::ChosenBlocks;
 pub use classification::{Classification, UnknownClassification};
+pub use cut::{CutChoice, CutFaces};
 pub use depth_rule::{DepthRule, DepthRuleEntry};
 pub use detail::Detail;
 pub use emptiness::{EmptyCause, PictureWarning};
@@ -98,7 +100,7 @@ pub use mode::{Mode, SlabBlend, UnknownMode};
 pub use overlay::{
     CAPITAL, TextMask, draw_overlays, label_height_px, label_stroke_px, lettering, text_margin_px, text_mask,
 };
-pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
+pub use overlay::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text, length_words};
 pub use pathtrace::PathTrace;
 pub use preparation::{Preparation, PreparedVolume};
 pub use processor::{left_by_processor, render_reference};
@@ -107,8 +109,8 @@ pub use refine::Refinement;
 pub use renderer::Renderer;
 pub use request::{Clip, ClipPlane, ClipSphere, RenderRequest, Shading};
 pub use scene::{
-    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, SubjectContent, SyntaxError, preset_json,
-    shading_json, transfer_json,
+    Scene, SceneError, SceneFile, SliceFile, SlicePlane, Subject, SubjectContent, SyntaxError, name_of,
+    preset_json, shading_json, transfer_json, with_hash,
 };
 pub use skipping::EmptySpaceSkipping;
 pub use store::MemoryUse;

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::classification::Classification;
+use super::cut::CutFaces;
 use super::illumination::lighting_layout;
 use super::labels::Edges;
 use super::mode::Mode;
@@ -34,6 +35,7 @@ pub(super) const RAYCAST: &str = concat!(
     include_str!("../../shaders/raycast/project.wgsl"),
     include_str!("../../shaders/raycast/isosurface.wgsl"),
     include_str!("../../shaders/raycast/crossing.wgsl"),
+    include_str!("../../shaders/raycast/faces.wgsl"),
     include_str!("../../shaders/raycast.wgsl"),
 );
 
@@ -60,6 +62,7 @@ pub(super) struct PipelineKey {
     depth_rule: u32,
     shaded: bool,
     cut_away: bool,
+    cut_slice: bool,
     highlight: bool,
     gradient_opacity: bool,
     classification: Classification,
@@ -98,6 +101,7 @@ impl PipelineKey {
             depth_rule: if blends { request.depth.code() } else { DepthRule::FirstHit.code() },
             shaded: blends && (reflects || occlusion),
             cut_away: request.clip.sphere.is_some(),
+            cut_slice: matches!(request.cut, CutFaces::Slice { .. }),
             highlight: request.shading.specular > 0.0,
             gradient_opacity: request.mode == Mode::Composite
                 && request.transfer.gradient_opacity().is_some(),
@@ -125,6 +129,7 @@ impl PipelineKey {
             ("DEPTH_RULE", f64::from(self.depth_rule)),
             ("SHADED", flag(self.shaded)),
             ("CUT_AWAY", flag(self.cut_away)),
+            ("CUT_SLICE", flag(self.cut_slice)),
             ("HIGHLIGHT", flag(self.highlight)),
             ("GRADIENT_OPACITY", flag(self.gradient_opacity)),
             ("PRE_INTEGRATED", flag(self.classification == Classification::PreIntegrated)),

@@ -5,6 +5,7 @@
 //! voxels, in patient mm, and is never too small: the picture is the same without it.
 
 use super::appearance::VisibleBricks;
+use super::cut::CutFaces;
 use super::mode::Mode;
 use super::pipelines::WORKGROUP_SIDE;
 use super::request::RenderRequest;
@@ -38,6 +39,8 @@ impl Region {
     /// modes that blend the invisible in.
     pub(super) fn of(request: &RenderRequest, grid: &Grid, bricks: &VisibleBricks) -> Self {
         let corners = match request.mode {
+            // Faces show values that the transfer function hides.
+            _ if matches!(request.cut, CutFaces::Slice { .. }) => Some(grid.corners()),
             Mode::Composite | Mode::Isosurface => bricks.corners(grid),
             _ => Some(grid.corners()),
         };

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use super::chosen::ChosenBlocks;
 use super::classification::Classification;
+use super::cut::CutFaces;
 pub(crate) use super::depth_rule::DepthRule;
 use super::detail::Detail;
 use super::illumination::Illumination;
@@ -133,6 +134,8 @@ pub struct RenderRequest {
     pub needs_depth: bool,
     /// The part that is shown.
     pub clip: Clip,
+    /// How cut faces look.
+    pub cut: CutFaces,
     /// Whether the table is shown.
     pub table: TableRule,
     /// How the segments of a label map are shown; `None` where all of the volume is shown alike.
@@ -217,7 +220,7 @@ impl RenderRequest {
     /// The table that a slice marks: pictures do not show it.
     pub(super) fn marked_table<'a>(&self, volume: &'a Volume) -> Option<&'a Table> {
         let marks = matches!((self.mode, self.table), (Mode::Slice(_), TableRule::Remove));
-        marks.then(|| volume.table()).flatten()
+        marks.then(|| volume.table()).flatten().map(AsRef::as_ref)
     }
 
     /// The volume that a picture shows.

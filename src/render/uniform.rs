@@ -55,6 +55,10 @@ pub(super) struct FrameUniform {
     lens_shift: [f32; 2],
     surface_hu: [[f32; 4]; Surface::MOST / 4],
     surface_rgba: [[f32; 4]; Surface::MOST],
+    face_fade_mm: f32,
+    face_lowest_hu: f32,
+    face_per_hu: f32,
+    padding: f32,
 }
 
 impl FrameUniform {
@@ -73,6 +77,7 @@ impl FrameUniform {
         let voxel_from_start = voxel_from_view(camera, grid).affine * glam::DAffine3::from_translation(start);
         let light = &request.shading;
         let table = &appearance.tables.own;
+        let [face_lowest_hu, face_per_hu] = request.cut.window();
         let cut = request.clip.sphere;
         let cut_radius_mm = cut.map_or(0.0, |sphere| sphere.radius_mm);
         let cut_center =
@@ -120,8 +125,17 @@ impl FrameUniform {
             lens_shift: camera.lens_shift().map(|mm| mm as f32),
             surface_hu: surface_values(&request.surfaces),
             surface_rgba: surface_colors(&request.surfaces),
+            face_fade_mm: face_fade_mm(grid) as f32,
+            face_lowest_hu: face_lowest_hu as f32,
+            face_per_hu: face_per_hu as f32,
+            padding: 0.0,
         }
     }
+}
+
+/// Distance over which the light of a cut face fades into that of gradients: four voxels, mm.
+pub(super) fn face_fade_mm(grid: &Grid) -> f64 {
+    4.0 * grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// Whether a pre-integrated sample's path, half of it to each side, stays within the bricks next to
@@ -242,6 +256,10 @@ mod tests {
             lens_shift,
             surface_hu,
             surface_rgba,
+            face_fade_mm,
+            face_lowest_hu,
+            face_per_hu,
+            padding,
         );
         let [module, _] = reflected();
         let (_, frame) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some("Frame")).unwrap();

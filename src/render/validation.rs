@@ -3,6 +3,7 @@
 //! The parts' own constructors check the rest.
 
 use crate::classification::Classification;
+use crate::cut::CutFaces;
 use crate::depth_rule::DepthRule;
 use crate::labels::{Labels, Look};
 use crate::light::Light;
@@ -63,6 +64,7 @@ impl RenderRequest {
         }
         surface::validate(self.mode, &self.surfaces)?;
         validate_classification(self)?;
+        validate_cut(self)?;
         let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
         if self.mode == Mode::Isosurface && !is_point_rule {
             let allowed = "threshold or first-hit in mode isosurface";
@@ -157,6 +159,26 @@ impl RenderRequest {
 }
 
 /// Refuses what pre-integration has no meaning for.
+/// Slices are painted in mode composite only, in a window of a usable width.
+fn validate_cut(request: &RenderRequest) -> Result<(), OutOfRange> {
+    let CutFaces::Slice { window_hu: [center_hu, width_hu] } = request.cut else { return Ok(()) };
+    if request.mode != Mode::Composite {
+        return Err(OutOfRange::new("cut", request.cut.name(), "lit in other modes than composite"));
+    }
+    let (low, high) = (CutFaces::WIDTHS_HU.start(), CutFaces::WIDTHS_HU.end());
+    if !CutFaces::WIDTHS_HU.contains(&width_hu) {
+        return Err(OutOfRange::new(
+            "cut.slice.window_hu",
+            width_hu,
+            format!("a width of {low} to {high} HU"),
+        ));
+    }
+    if center_hu.is_finite() && center_hu.abs() <= *high {
+        return Ok(());
+    }
+    Err(OutOfRange::new("cut.slice.window_hu", center_hu, format!("a centre within {high} HU of 0")))
+}
+
 fn validate_classification(request: &RenderRequest) -> Result<(), OutOfRange> {
     if request.classification == Classification::Sampled {
         return Ok(());

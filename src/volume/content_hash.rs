@@ -22,6 +22,13 @@ impl ContentHash {
         Self(Sha256::new().chain_update(self.0).chain_update("coarse").finalize().into())
     }
 
+    /// The identity of a phase of a series whose voxels are those of another phase.
+    #[must_use]
+    pub fn of_phase(&self, number: usize) -> Self {
+        let number = (number as u64).to_le_bytes();
+        Self(Sha256::new().chain_update(self.0).chain_update("phase").chain_update(number).finalize().into())
+    }
+
     /// The first 16 hexadecimal digits: what ids show.
     #[must_use]
     pub fn short(&self) -> String {

@@ -62,7 +62,7 @@ struct Derived {
     hash: OnceLock<ContentHash>,
     occupancy: OnceLock<Arc<Occupancy>>,
     anatomy: OnceLock<Anatomy>,
-    table: OnceLock<Option<Table>>,
+    table: OnceLock<Option<Arc<Table>>>,
     /// The volume with air in place of the table; `None` where there is no table.
     without_table: OnceLock<Option<Volume>>,
 }
@@ -163,8 +163,16 @@ impl Volume {
     /// The table on which the patient lies, if there is one; computed once, then remembered by all
     /// clones.
     #[must_use]
-    pub fn table(&self) -> Option<&Table> {
-        self.derived.table.get_or_init(|| Table::find(&self.in_units())).as_ref()
+    pub fn table(&self) -> Option<&Arc<Table>> {
+        self.derived.table.get_or_init(|| Table::find(&self.in_units()).map(Arc::new)).as_ref()
+    }
+
+    /// The same volume with this table, which was found in a volume on the same grid: the phases of a
+    /// series lie on one table.
+    #[must_use]
+    pub fn with_table(&self, table: Option<Arc<Table>>) -> Self {
+        let derived = Derived { hash: self.derived.hash.clone(), table: table.into(), ..Derived::default() };
+        Self { derived: Arc::new(derived), ..self.clone() }
     }
 
     /// The volume with air in place of its table (see [`Table`]), or the volume itself if it has no

@@ -14,6 +14,7 @@ mod bands;
 mod clip_sphere;
 mod closed_forms;
 mod depth_rules;
+mod faces;
 mod illumination;
 mod instruments;
 mod isosurfaces;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::ball::Ball;
-use super::instruments::{orientation_cube, scale_bar};
+use super::instruments::{caption, orientation_cube, scale_bar};
 use super::item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 use super::labels::{self, Label};
 use super::layers::Rank;
@@ -35,6 +35,9 @@ pub(super) fn primitives(overlays: &Overlays, lens: &Lens, grid: &Grid) -> Vec<P
     }
     if overlays.scale_bar {
         scale_bar(lens, &mut builder.typesetter, &mut builder.primitives);
+    }
+    if let Some(text) = &overlays.caption {
+        caption(text, lens, &mut builder.typesetter, &mut builder.primitives);
     }
     if overlays.bounding_box {
         builder.bounding_box(grid);

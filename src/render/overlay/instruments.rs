@@ -33,6 +33,24 @@ const BAR_RGB: [f64; 3] = [1.0; 3];
 /// The longest scale bar as a share of the picture's width.
 const BAR_SHARE: f64 = 0.25;
 
+/// Height of a caption's capitals as a share of those of labels, and their least, px.
+const CAPTION_SHARE: f64 = 0.55;
+const LEAST_CAPTION_PX: u32 = 8;
+
+/// Shorter lengths are written in µm.
+const LEAST_MM: f64 = 0.1;
+
+/// A length for people: in mm, or in µm where it is less than a tenth of a millimetre.
+#[must_use]
+pub fn length_words(mm: f64) -> String {
+    if mm == 0.0 || mm.abs() >= LEAST_MM {
+        return format!("{mm:.1} mm");
+    }
+    let um = 1000.0 * mm;
+    let decimals = (2.0 - um.abs().log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{um:.decimals$} µm")
+}
+
 /// A face of the cube: its outward and upward patient directions, and its colour.
 struct Face {
     letter: char,
@@ -132,12 +150,29 @@ pub(super) fn scale_bar(lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<
             out.push(instrument(PrimitiveForm::Stroke(stroke), rgb));
         }
     }
-    let text = format!("{length_mm} mm");
+    let text = if length_mm < LEAST_MM {
+        format!("{} µm", (length_mm * 1000.0).round())
+    } else {
+        format!("{length_mm} mm")
+    };
     let half_text = Typesetter::size_px(&text, height_px).x / 2.0;
     let middle =
         DVec2::new((left.x + right.x).max(left.x * 2.0 + half_text * 2.0) / 2.0, left.y - 1.2 * unit);
     let style = Style { height_px, rgb: BAR_RGB, rank: Rank::Instrument, shown_mm: None };
     typesetter.set(&text, middle, lens.focal_mm, style, out);
+}
+
+/// A line of text in the upper left corner, smaller than labels; in small letters where it is long.
+pub(super) fn caption(text: &str, lens: &Lens, typesetter: &mut Typesetter, out: &mut Vec<Primitive>) {
+    let unit = usual_height_px(lens.size_px.y);
+    let room = lens.size_px.x - 2.0 * f64::from(unit);
+    let wanted = (f64::from(unit) * CAPTION_SHARE).round().max(f64::from(LEAST_CAPTION_PX)) as u32;
+    let fits = |height_px: &u32| Typesetter::size_px(text, *height_px).x <= room;
+    let height_px = (LEAST_CAPTION_PX..=wanted).rev().find(fits).unwrap_or(LEAST_CAPTION_PX);
+    let size = Typesetter::size_px(text, height_px);
+    let middle = DVec2::splat(f64::from(unit)) + size / 2.0;
+    let style = Style { height_px, rgb: BAR_RGB, rank: Rank::Instrument, shown_mm: None };
+    typesetter.set(text, middle, lens.focal_mm, style, out);
 }
 
 fn instrument(shape: PrimitiveForm, rgb: [f64; 3]) -> Primitive {
@@ -169,6 +204,15 @@ mod tests {
         ] {
             assert_eq!(round_length(most), length);
             assert_eq!(round_length(most).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn short_lengths_are_in_micrometres() {
+        for (mm, words) in
+            [(12.34, "12.3 mm"), (0.1, "0.1 mm"), (0.0351, "35.1 µm"), (0.000_5, "0.500 µm"), (0.0, "0.0 mm")]
+        {
+            assert_eq!(length_words(mm), words);
         }
     }
 

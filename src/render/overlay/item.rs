@@ -19,6 +19,8 @@ pub struct Overlays {
     pub orientation_cube: bool,
     /// A bar of a round length in the lower left corner, true at the depth of the focal point.
     pub scale_bar: bool,
+    /// The identity of the series, a line in the upper left corner.
+    pub caption: Option<Arc<str>>,
     /// Height of the capitals of labels, px; a fraction of the picture's height by default.
     pub label_height_px: Option<u32>,
     /// Range of view depths in which labels are shown, mm; by default each label has its ball's
@@ -127,6 +129,7 @@ impl Default for Overlays {
             bounding_box: false,
             orientation_cube: false,
             scale_bar: false,
+            caption: None,
             label_height_px: None,
             label_depths_mm: None,
             occluded: Self::DEFAULT_OCCLUDED,
@@ -148,8 +151,12 @@ impl Overlays {
     /// Most characters of all texts and labels of a request together.
     pub const MAX_CHARACTERS: usize = 100_000;
     /// Instruments with their name in `--overlay` and queries, and their key in the JSON form.
-    pub const SWITCHES: [(&str, &str); 3] =
-        [("bounding-box", "bounding_box"), ("cube", "orientation_cube"), ("scale-bar", "scale_bar")];
+    pub const SWITCHES: [(&str, &str); 4] = [
+        ("bounding-box", "bounding_box"),
+        ("cube", "orientation_cube"),
+        ("scale-bar", "scale_bar"),
+        ("caption", "caption"),
+    ];
     /// Opacity of hidden parts where a request says nothing.
     pub const DEFAULT_OCCLUDED: f64 = 0.25;
     /// Widths of lines and curves, px.
@@ -166,7 +173,8 @@ impl Overlays {
     /// Whether nothing is to be drawn.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.items.is_empty() && !self.bounding_box && !self.orientation_cube && !self.scale_bar
+        let has_instruments = self.bounding_box || self.orientation_cube || self.scale_bar;
+        self.items.is_empty() && !has_instruments && self.caption.is_none()
     }
 
     /// Bytes that the lists take.

@@ -40,6 +40,7 @@ use relief_base::OutOfRange;
 use relief_volume::Grid;
 
 pub use font::{CAPITAL, lettering};
+pub use instruments::length_words;
 pub use item::{Curve, Landmark, Line, Mesh, OverlayItem, Overlays, Radius, Text};
 pub use text::{TextMask, label_height_px, label_stroke_px, text_margin_px, text_mask};
 

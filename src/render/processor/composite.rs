@@ -8,6 +8,7 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::request::DepthRule;
+use super::face_light::FaceLight;
 use super::history::History;
 use super::passage::rgb;
 use super::pending::Pending;
@@ -23,6 +24,8 @@ pub(super) struct Gathered<'h, L: Lanes> {
     /// Premultiplied.
     pub(super) color: Triple<L::Real>,
     pub(super) opacity: L::Real,
+    /// The same with the face that ends the rays.
+    pub(super) total: L::Real,
     /// The first visible sample.
     pub(super) first: L::Real,
     /// The visible samples.
@@ -44,15 +47,17 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
     /// Colours before light, positions and weights of waiting samples.
     fn waiting(scene: &Scene<'_, L>, sample: [L::Real; N]) -> Waiting<L>;
 
-    /// Lit colours of samples, seen along `direction`; `p` is a position to read the gradient at.
+    /// Lit colours of samples, seen along `direction`, behind these faces; `p` is a position to read
+    /// the gradient at.
     #[inline(always)]
     fn lit(
         scene: &Scene<'_, L>,
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
+        face: &FaceLight<L>,
     ) -> Triple<L::Real> {
-        scene.lights.lit(&scene.field, rgb, direction, p)
+        scene.lights.lit(&scene.field, rgb, direction, p, Some(face))
     }
 }
 
@@ -60,6 +65,8 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
 pub(super) struct Waiting<L: Lanes> {
     rgb: Triple<L::Real>,
     p: Triple<L::Real>,
+    /// Distance behind the face before them; see [`Scene::behind_face`].
+    behind: L::Real,
     weight: L::Real,
 }
 
@@ -81,10 +88,20 @@ impl<L: Lanes> Scene<'_, L> {
         history: &mut History<L>,
         mut chosen: L::Mask,
     ) -> (Hit<L>, Option<Hit<L>>) {
+        let painted = self.painted_faces(rays, chosen);
         let (mut start, mut rule, mut front) = (self.number(0.0), self.request.depth, None);
         loop {
             // One call for both layers: it is inlined, and a second copy would take as long to compile.
-            let (hit, first) = self.composite(rays, walk, start, rule, history, chosen);
+            let faces = painted.as_ref().filter(|_| front.is_none());
+            let ending = faces.map(|faces| faces.end(rays, self.view.distance_mm()));
+            let cast = ending.as_ref().unwrap_or(rays);
+            let on = faces.map_or_else(|| self.none(), |faces| faces.on);
+            let (hit, first) = self.composite(cast, walk, start, rule, history, (chosen, on));
+            let hit = match faces {
+                Some(faces) => faces.paint(hit, self.number(1.0)),
+                None => hit,
+            };
+            chosen = chosen & !on; // behind a painted face there is nothing
             if let Some(front) = front {
                 return (front, Some(hit));
             }
@@ -112,7 +129,8 @@ impl<L: Lanes> Scene<'_, L> {
     }
 
     /// Casts the chosen rays from samples `start` on; the depth is by `rule`. `history` gets their
-    /// visible samples. Returns the first visible samples too.
+    /// visible samples. In lanes of the second mask an opaque face ends the ray; they have a depth
+    /// only where it is before the face. Returns the first visible samples too.
     #[inline(always)]
     fn composite(
         &self,
@@ -121,7 +139,7 @@ impl<L: Lanes> Scene<'_, L> {
         start: L::Real,
         rule: DepthRule,
         history: &mut History<L>,
-        chosen: L::Mask,
+        (chosen, painted): (L::Mask, L::Mask),
     ) -> (Hit<L>, L::Real) {
         let count = self.view.sample_counts(rays);
         let (start, chosen) = self.past_empty(walk, start, chosen & start.lt(count), count);
@@ -129,23 +147,25 @@ impl<L: Lanes> Scene<'_, L> {
             return (self.miss(), count);
         }
         history.clear();
-        let sum = if self.is_plain() {
+        let mut sum = if self.is_plain() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Plain, 5>(rays, walk, start, history, chosen),
+                || self.blend::<Plain, 6>(rays, walk, start, history, chosen),
             )
         } else if self.integrals.is_some() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Paths, 7>(rays, walk, start, history, chosen),
+                || self.blend::<Paths, 8>(rays, walk, start, history, chosen),
             )
         } else {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Classified, 5>(rays, walk, start, history, chosen),
+                || self.blend::<Classified, 6>(rays, walk, start, history, chosen),
             )
         };
-        let hits = chosen & self.number(VISIBLE).le(sum.opacity);
+        sum.total = self.number(1.0).or_where_not(painted, sum.opacity);
+        let is_face = painted & sum.opacity.lt(self.depth_fraction * self.number(OPAQUE));
+        let hits = chosen & !is_face & self.number(VISIBLE).le(sum.opacity);
         let mut t = self.view.sample_t(rays, sum.first);
         if hits.any() && self.request.applies_depth_rule() {
             t = self.lanes.apart(
@@ -169,7 +189,7 @@ impl<L: Lanes> Scene<'_, L> {
         let (zero, one, opaque) = (self.number(0.0), self.number(1.0), self.number(OPAQUE));
         let count = self.view.sample_counts(rays);
         let mut sum: Gathered<'h, L> =
-            Gathered { color: Triple([zero; 3]), opacity: zero, first: count, history };
+            Gathered { color: Triple([zero; 3]), opacity: zero, total: zero, first: count, history };
         let mut pending = Pending::new(self.lanes, rays);
         let mut k = start;
         let mut has_shown = false;
@@ -223,11 +243,12 @@ impl<L: Lanes> Scene<'_, L> {
     #[inline(always)]
     fn light_pending<B: Blend<L, N>, const N: usize>(&self, pending: &mut Pending<L, N>) {
         let (sample, direction) = pending.front();
-        let Waiting { rgb, p, weight } = B::waiting(self, sample);
+        let Waiting { rgb, p, behind, weight } = B::waiting(self, sample);
         // Lanes without a sample read the middle of the volume: cells at its edges are slow.
         let is_sample = self.lanes.first(pending.len);
         let p = p.or_where_not([is_sample; 3], self.field.middle());
-        pending.add(B::lit(self, rgb, direction, p).scaled(weight));
+        let face = self.face_light(behind, || pending.front_normals());
+        pending.add(B::lit(self, rgb, direction, p, &face).scaled(weight));
     }
 
     /// The lanes in which samples k with these values may be visible.
@@ -238,12 +259,12 @@ impl<L: Lanes> Scene<'_, L> {
     }
 }
 
-impl<L: Lanes> Blend<L, 5> for Plain {
+impl<L: Lanes> Blend<L, 6> for Plain {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 5>,
+        pending: &mut Pending<L, 6>,
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
@@ -260,13 +281,14 @@ impl<L: Lanes> Blend<L, 5> for Plain {
             return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
-        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+        let behind = scene.behind_face(rays, scene.view.sample_t(rays, k));
+        pending.push([p.0[0], p.0[1], p.0[2], hu, behind, weight], shows);
         true
     }
 
     #[inline(always)]
-    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
-        Waiting { rgb: scene.colors.rgb(hu), p: Triple([x, y, z]), weight }
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, behind, weight]: [L::Real; 6]) -> Waiting<L> {
+        Waiting { rgb: scene.colors.rgb(hu), p: Triple([x, y, z]), behind, weight }
     }
 
     #[inline(always)]
@@ -275,22 +297,23 @@ impl<L: Lanes> Blend<L, 5> for Plain {
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
+        face: &FaceLight<L>,
     ) -> Triple<L::Real> {
         let head = scene.lights.head();
         if head.needs_gradient {
-            head.lit(rgb, scene.field.gradient(p), direction)
+            head.lit(rgb, face.turned(scene.field.gradient(p), direction), direction)
         } else {
             head.ambient(rgb)
         }
     }
 }
 
-impl<L: Lanes> Blend<L, 5> for Classified {
+impl<L: Lanes> Blend<L, 6> for Classified {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 5>,
+        pending: &mut Pending<L, 6>,
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
@@ -307,23 +330,24 @@ impl<L: Lanes> Blend<L, 5> for Classified {
             return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
-        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
+        let behind = scene.behind_face(rays, scene.view.sample_t(rays, k));
+        pending.push([p.0[0], p.0[1], p.0[2], hu, behind, weight], shows);
         true
     }
 
     #[inline(always)]
-    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, behind, weight]: [L::Real; 6]) -> Waiting<L> {
         let p = Triple([x, y, z]);
-        Waiting { rgb: rgb(scene.classify(p, hu)), p, weight }
+        Waiting { rgb: rgb(scene.classify(p, hu)), p, behind, weight }
     }
 }
 
-impl<L: Lanes> Blend<L, 7> for Paths {
+impl<L: Lanes> Blend<L, 8> for Paths {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 7>,
+        pending: &mut Pending<L, 8>,
         rays: &Rays<L>,
         k: L::Real,
         chosen: L::Mask,
@@ -351,14 +375,15 @@ impl<L: Lanes> Blend<L, 7> for Paths {
         for (half, place) in [(front, front_place), (back, back_place)] {
             let Triple([x, y, z]) = rays.sample_voxel(k + place);
             let [r, g, b, added] = half;
-            pending.push([x, y, z, r, g, b, left * added], shows);
+            let behind = scene.behind_face(rays, scene.view.sample_t(rays, k + place));
+            pending.push([x, y, z, r, g, b, behind, left * added], shows);
         }
         true
     }
 
     #[inline(always)]
-    fn waiting(_scene: &Scene<'_, L>, [x, y, z, r, g, b, weight]: [L::Real; 7]) -> Waiting<L> {
-        Waiting { rgb: Triple([r, g, b]), p: Triple([x, y, z]), weight }
+    fn waiting(_scene: &Scene<'_, L>, [x, y, z, r, g, b, behind, weight]: [L::Real; 8]) -> Waiting<L> {
+        Waiting { rgb: Triple([r, g, b]), p: Triple([x, y, z]), behind, weight }
     }
 }
 

@@ -79,11 +79,20 @@ impl<L: Lanes> Scene<'_, L> {
         let target = (self.depth_fraction * opacity).min(sum.opacity);
         let Crossing { k, before } = sum.history.crossing(sum.opacity, target, chosen);
         let start = (k - one).max(zero);
-        let begin = self.view.sample_t(rays, start - self.number(0.5));
-        self.refine_crossing(rays, begin, k - start + one, [before, target], chosen)
+        let mut begin = self.view.sample_t(rays, start - self.number(0.5));
+        let mut slabs = k - start + one;
+        let is_first = chosen & start.le(zero);
+        if is_first.any() {
+            // A cut face: what lies between it and the first sample counts, so that the depth is
+            // the face's.
+            let is_face = is_first & zero.lt(self.opacity_at(rays, rays.entry));
+            begin = rays.entry.or_where_not(is_face, begin);
+            slabs = (slabs + one).or_where_not(is_face, slabs);
+        }
+        self.refine_crossing(rays, begin, slabs, [before, target], chosen)
     }
 
-    /// The crossing within `slabs` sample distances, one or two, from `begin` (mm) on; with the
+    /// The crossing within `slabs` sample distances, one to three, from `begin` (mm) on; with the
     /// opacity before it, and the one that is crossed.
     ///
     /// The inputs of opacity are read every quarter of a sample distance and are linear between: finer
@@ -107,7 +116,7 @@ impl<L: Lanes> Scene<'_, L> {
         let mut late = self.opacity_basis(rays.voxel_at(begin));
         let mut this_middle = late;
         let mut search = self.search(slabs * number(PARTS as f64), before, chosen);
-        for j in 0..2 * PARTS {
+        for j in 0..3 * PARTS {
             if !search.open().any() {
                 break;
             }

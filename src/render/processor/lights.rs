@@ -12,6 +12,7 @@ use relief_volume::Grid;
 use super::super::light::InPatient;
 use super::super::request::RenderRequest;
 use super::color::{Headlight, NO_GRADIENT};
+use super::face_light::FaceLight;
 use super::field::Field;
 use super::light_cells::LightCells;
 use crate::illumination::Cells;
@@ -76,11 +77,13 @@ impl<'a, L: Lanes> Lights<'a, L> {
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
+        face: Option<&FaceLight<L>>,
     ) -> Triple<L::Real> {
         if !self.need_gradient() {
             return self.head.ambient(rgb);
         }
         let gradient = field.gradient(p);
+        let gradient = face.map_or(gradient, |face| face.turned(gradient, direction));
         match &self.placed {
             None => self.head.lit(rgb, gradient, direction),
             Some(placed) => placed.lanes.apart(

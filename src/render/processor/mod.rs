@@ -32,6 +32,8 @@ mod composite;
 mod crossing;
 mod deal;
 mod depth_rules;
+mod face_light;
+mod faces;
 mod field;
 mod history;
 mod illuminate;

@@ -25,6 +25,7 @@ pub(super) struct Pending<L: Lanes, const N: usize> {
     /// 0, 1, 2 and so on.
     lane_numbers: L::Real,
     directions: Triple<L::Real>,
+    face_normals: [Triple<L::Real>; 2],
     sums: Triple<L::Real>,
 }
 
@@ -42,6 +43,7 @@ impl<L: Lanes, const N: usize> Pending<L, N> {
             last_group: 0,
             lane_numbers: lanes.by_lane(|lane| lane as f64),
             directions: rays.direction,
+            face_normals: rays.face_normals,
             sums: Triple::of(lanes.splat(0.0)),
         }
     }
@@ -68,11 +70,21 @@ impl<L: Lanes, const N: usize> Pending<L, N> {
         for (numbers, waiting) in sample.iter_mut().zip(&self.samples) {
             *numbers = self.lanes.load(waiting);
         }
+        (sample, self.of_rays(self.directions))
+    }
+
+    /// The normals of the faces before the first samples: where their rays enter, and of the sphere.
+    #[inline(always)]
+    pub(super) fn front_normals(&self) -> [Triple<L::Real>; 2] {
+        let [entry, wall] = self.face_normals;
+        [self.of_rays(entry), self.of_rays(wall)]
+    }
+
+    /// The values of the rays of the first samples.
+    #[inline(always)]
+    fn of_rays(&self, Triple([x, y, z]): Triple<L::Real>) -> Triple<L::Real> {
         let rays = self.lanes.place(self.lanes.load(&self.rays));
-        let Triple([x, y, z]) = self.directions;
-        let [x, y, z] =
-            [self.lanes.permuted(x, rays), self.lanes.permuted(y, rays), self.lanes.permuted(z, rays)];
-        (sample, Triple([x, y, z]))
+        Triple([self.lanes.permuted(x, rays), self.lanes.permuted(y, rays), self.lanes.permuted(z, rays)])
     }
 
     /// Adds the light of the first samples to their rays, and forgets them.

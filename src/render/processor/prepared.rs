@@ -14,9 +14,10 @@ use crate::illumination::{FillingKey, LightQuantity};
 use relief_volume::{BrickLabels, ContentHash, DistanceMap, LabelMap, Volume};
 
 /// Most volumes, and most appearances, in the cache.
-const KEPT: usize = 16;
-/// Most coarse forms of volumes.
-const KEPT_COARSE: usize = 8;
+const KEPT: usize = 64;
+/// Most coarse forms of volumes, and most bytes of them: the phases of a series play in turn.
+const KEPT_COARSE: usize = 32;
+const KEPT_COARSE_BYTES: usize = 512 << 20;
 /// Most label maps.
 const KEPT_LABELS: usize = 4;
 /// Most fillings of cells with light.
@@ -169,8 +170,15 @@ impl Cache {
         match self.coarse.iter().position(|(known, _)| *known == hash) {
             Some(at) => self.coarse[at..].rotate_left(1),
             None => {
-                make_room(&mut self.coarse, KEPT_COARSE);
                 self.coarse.push((hash, volume.coarse()));
+                let bytes = |kept: &[(_, Volume)]| -> usize {
+                    kept.iter().map(|(_, volume)| size_of_val(volume.voxels_hu())).sum()
+                };
+                while self.coarse.len() > KEPT_COARSE
+                    || (self.coarse.len() > 1 && bytes(&self.coarse) > KEPT_COARSE_BYTES)
+                {
+                    self.coarse.remove(0);
+                }
             }
         }
         self.coarse.last().expect("made or found").1.clone()

@@ -8,7 +8,8 @@ use relief_lanes::{Lanes, Real as _, Triple};
 
 use super::super::limits::depth_limits;
 use super::super::request::RenderRequest;
-use super::super::uniform::{clip_planes_in_view, voxel_from_view};
+use super::super::uniform::{clip_planes_in_view, face_fade_mm, voxel_from_view};
+use crate::gradients::patient_from_voxel_gradient;
 use relief_volume::{Grid, Projection};
 
 /// A sample that lies on a face but for rounding, in sample distances: it counts as outside.
@@ -30,10 +31,13 @@ pub(super) struct View<L: Lanes> {
     lens_shift: Option<[L::Real; 2]>,
     near_mm: L::Real,
     last_voxel: Triple<L::Real>,
+    /// The patient axes of a normal that is given along voxel axes: columns of unit length.
+    normal_of_axis: [Triple<L::Real>; 3],
     clip_planes: Vec<(Triple<L::Real>, L::Real)>,
     /// Centre and squared radius.
     cut: Option<(Triple<L::Real>, L::Real)>,
     distance_mm: L::Real,
+    face_fade_mm: L::Real,
 }
 
 /// The rays of the lanes: points at t mm between `entry` and `exit`.
@@ -51,6 +55,9 @@ pub(super) struct Rays<L: Lanes> {
     first_voxel: Triple<L::Real>,
     sample_voxels: Triple<L::Real>,
     depth_step: L::Real,
+    /// Normals along the patient axes, towards the eye, of the faces through which the rays enter,
+    /// and of the sphere where they leave it.
+    pub(super) face_normals: [Triple<L::Real>; 2],
 }
 
 impl<L: Lanes> View<L> {
@@ -69,6 +76,9 @@ impl<L: Lanes> View<L> {
             let center = (camera.view_from_patient() * sphere.center).xyz + DVec3::Z * near_mm;
             (triple(center), lanes.splat(sphere.radius_mm * sphere.radius_mm))
         });
+        // Gradients and normals are transformed alike.
+        let covectors = patient_from_voxel_gradient(grid);
+        let normals = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| (covectors * axis).normalize());
         let is_perspective = matches!(camera.projection(), Projection::Perspective { .. });
         Self {
             lanes,
@@ -78,6 +88,7 @@ impl<L: Lanes> View<L> {
             size_px: request.size_px.map(|side| lanes.splat(side.into())),
             lens_shift: is_perspective.then(|| camera.lens_shift().map(|shift| lanes.splat(shift))),
             near_mm: lanes.splat(near_mm),
+            normal_of_axis: normals.map(triple),
             last_voxel: triple(DVec3::from(grid.dims().map(|n| (n - 1) as f64))),
             clip_planes: planes
                 .iter()
@@ -85,6 +96,7 @@ impl<L: Lanes> View<L> {
                 .collect(),
             cut,
             distance_mm: lanes.splat(request.sample_distance_mm),
+            face_fade_mm: lanes.splat(face_fade_mm(grid)),
         }
     }
 
@@ -113,13 +125,17 @@ impl<L: Lanes> View<L> {
         let anchor = anchor.or_where_not((anchor - entry).abs().lt(number(FAR_OFF)), entry);
         let distance = self.distance_mm;
         let first = anchor + ((entry - anchor) / distance + number(ON_FACE)).ceil() * distance;
+        let cut = self.cut_interval(origin, direction);
+        let in_patient = Triple::of_columns(self.patient_from_view, direction);
+        let entry_normal = self.entry_normal(origin, direction, [origin_voxel, step_voxel], in_patient);
         Rays {
-            direction: Triple::of_columns(self.patient_from_view, direction),
+            direction: in_patient,
+            face_normals: [entry_normal, self.wall_normal(origin, direction, cut[1])],
             origin_voxel,
             step_voxel,
             entry,
             exit,
-            cut: self.cut_interval(origin, direction),
+            cut,
             first,
             first_voxel: origin_voxel.plus_times(step_voxel, first),
             sample_voxels: step_voxel.scaled(distance),
@@ -145,6 +161,7 @@ impl<L: Lanes> View<L> {
         let [entry, exit] = self.clip_interval(origin, direction, inside);
         Rays {
             direction: Triple::of_columns(self.patient_from_view, direction),
+            face_normals: [Triple::of(zero); 2],
             origin_voxel,
             step_voxel,
             entry,
@@ -188,6 +205,56 @@ impl<L: Lanes> View<L> {
         [entry, exit]
     }
 
+    /// The normals of the faces of the volume's box or the clip planes that rays pass last before
+    /// their entry; towards the eye, along the patient axes.
+    #[inline(always)]
+    fn entry_normal(
+        &self,
+        origin: Triple<L::Real>,
+        direction: Triple<L::Real>,
+        [origin_voxel, step_voxel]: [Triple<L::Real>; 2],
+        in_patient: Triple<L::Real>,
+    ) -> Triple<L::Real> {
+        let number = |x: f64| self.lanes.splat(x);
+        let (zero, half) = (number(0.0), Triple::of(number(0.5)));
+        let tiny = Triple::of(number(1e-20));
+        let safe = tiny.or_where_not(step_voxel.abs().lt(tiny), step_voxel);
+        let ahead = Triple::of(zero).lt(safe);
+        let near = Triple::of(number(-0.5)).or_where_not(ahead, self.last_voxel.plus(half));
+        let Triple([x, y, z]) = near.minus(origin_voxel).over(safe);
+        let [along_x, along_y, along_z] = self.normal_of_axis;
+        let mut entry = x.max(y).max(z);
+        let (is_x, is_y) = (entry.le(x), entry.le(y));
+        let mut normal = along_x.or_where_not([is_x; 3], along_y.or_where_not([is_y; 3], along_z));
+        for &(plane, offset) in &self.clip_planes {
+            let slope = plane.dot(direction);
+            let enters = self.lanes.splat(ALONG_PLANE).le(slope);
+            let at = -(plane.dot(origin) + offset) / slope.or_where_not(enters, number(1.0));
+            let is_last = enters & entry.lt(at);
+            entry = at.or_where_not(is_last, entry);
+            let turned = Triple::of_columns(self.patient_from_view, plane);
+            normal = turned.or_where_not([is_last; 3], normal);
+        }
+        let is_averted = zero.lt(normal.dot(in_patient));
+        Triple::of(zero).minus(normal).or_where_not([is_averted; 3], normal)
+    }
+
+    /// The normals of the sphere that is cut away where rays leave it, along the patient axes.
+    #[inline(always)]
+    fn wall_normal(
+        &self,
+        origin: Triple<L::Real>,
+        direction: Triple<L::Real>,
+        cut_out: L::Real,
+    ) -> Triple<L::Real> {
+        let nothing = Triple::of(self.lanes.splat(0.0));
+        let Some((center, radius_squared)) = self.cut else { return nothing };
+        let is_met = self.lanes.splat(-NOWHERE_MM).lt(cut_out);
+        let arm = center.minus(origin).plus_times(direction, -cut_out);
+        let inward = arm.over(Triple::of(radius_squared.sqrt()));
+        Triple::of_columns(self.patient_from_view, inward).or_where_not([is_met; 3], nothing)
+    }
+
     /// The stretch of rays inside the sphere that is cut away.
     #[inline(always)]
     fn cut_interval(&self, origin: Triple<L::Real>, direction: Triple<L::Real>) -> [L::Real; 2] {
@@ -224,6 +291,12 @@ impl<L: Lanes> View<L> {
         self.near_mm + rays.depth_step * t
     }
 
+    /// Distance over which the light of a cut face fades into that of gradients, mm.
+    #[inline(always)]
+    pub(super) fn face_fade_mm(&self) -> L::Real {
+        self.face_fade_mm
+    }
+
     /// Distance between samples, mm.
     #[inline(always)]
     pub(super) fn distance_mm(&self) -> L::Real {
@@ -232,6 +305,12 @@ impl<L: Lanes> View<L> {
 }
 
 impl<L: Lanes> Rays<L> {
+    /// The same rays with another end, mm.
+    #[inline(always)]
+    pub(super) fn ending_at(&self, exit: L::Real) -> Self {
+        Self { exit, ..*self }
+    }
+
     /// Voxel index of samples k.
     #[inline(always)]
     pub(super) fn sample_voxel(&self, k: L::Real) -> Triple<L::Real> {

@@ -28,9 +28,10 @@ use self::parts::{ClipFile, DepthFile, default_mode, default_shading, expect_obj
 use self::shading::ShadingFile;
 use self::slice::expect_one_view;
 use self::surfaces::{SurfaceFile, resolve_surfaces};
-use self::transfer::{TransferFile, Windows, resolve_transfer};
+use self::transfer::{TransferFile, Windows, resolve_transfer, usual_window_hu};
 use self::whole::Whole;
 use super::classification::Classification;
+use super::cut::{CutChoice, CutFaces};
 use super::detail::Detail;
 use super::framing::FramingRule;
 use super::illumination::Illumination;
@@ -46,7 +47,7 @@ use relief_volume::{Anatomy, CameraFile, Framing, Grid, Orbit};
 pub(crate) use error::camera_out_of_range;
 pub use error::{SceneError, SyntaxError};
 pub use slice::{SliceFile, SlicePlane};
-pub use subject::{Subject, SubjectContent};
+pub use subject::{Subject, SubjectContent, name_of, with_hash};
 pub use written::{preset_json, shading_json, transfer_json};
 
 /// A picture to render and how to show it.
@@ -123,6 +124,7 @@ pub struct SceneFile {
     quality: Option<Quality>,
     depth: Option<DepthFile>,
     clip: Option<ClipFile>,
+    cut: Option<CutChoice>,
     table: Option<TableRule>,
     labels: Option<LabelsFile>,
     background_rgb: Option<[f64; 3]>,
@@ -269,6 +271,12 @@ impl SceneFile {
         Self { classification: Some(classification), ..self }
     }
 
+    /// Replaces how cut faces look.
+    #[must_use]
+    pub fn with_cut(self, cut: CutChoice) -> Self {
+        Self { cut: Some(cut), ..self }
+    }
+
     /// Replaces the size of the picture.
     #[must_use]
     pub fn with_size(self, size_px: [u32; 2]) -> Self {
@@ -359,7 +367,7 @@ impl SceneFile {
     /// # Errors
     /// The first value out of range, with the key's path, the value and the allowed range.
     pub fn resolve_for(self, subject: &Subject<'_>, orbit: &Orbit) -> Result<Scene, SceneError> {
-        let Subject { grid, content, labels: map } = *subject;
+        let Subject { grid, content, labels: map, name: _ } = *subject;
         self.display.validate()?;
         parts::expect_no_cursor(&self.display)?;
         expect_budget(self.budget_ms)?;
@@ -411,10 +419,11 @@ impl SceneFile {
             depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
             needs_depth: true,
             clip: clip.resolve()?,
+            cut: self.cut.map_or(CutFaces::Lit, |cut| cut.resolve(usual_window_hu(content.anatomy()))),
             table: self.table.unwrap_or_default(),
             blocks: None,
             background_rgb: self.background_rgb.unwrap_or([0.0; 3]),
-            overlays: Arc::new(self.overlays.resolve()?),
+            overlays: Arc::new(self.overlays.resolve(|| subject.caption())?),
             lights: resolve_lights(self.lights, mode)?,
             path_trace: self.path_trace.unwrap_or_default().resolve(grid.unit_mm()),
         };

@@ -24,6 +24,7 @@ pub(super) struct OverlaysFile {
     bounding_box: bool,
     orientation_cube: bool,
     scale_bar: bool,
+    caption: bool,
     label_height_px: Option<Whole>,
     label_depths_mm: Option<[f64; 2]>,
     occluded: Option<f64>,
@@ -102,12 +103,14 @@ impl OverlaysFile {
             "bounding-box" => self.bounding_box = true,
             "cube" => self.orientation_cube = true,
             "scale-bar" => self.scale_bar = true,
+            "caption" => self.caption = true,
             _ => return Err(OutOfRange::new("overlay", name, Overlays::switch_names())),
         }
         Ok(())
     }
 
-    pub(super) fn resolve(self) -> Result<Overlays, OutOfRange> {
+    /// The overlays of a volume with this caption.
+    pub(super) fn resolve(self, caption: impl FnOnce() -> String) -> Result<Overlays, OutOfRange> {
         // Before a list of another kind is made of it.
         if self.items.len() > Overlays::MAX_ITEMS {
             let found = format!("{} items", self.items.len());
@@ -119,6 +122,7 @@ impl OverlaysFile {
             bounding_box: self.bounding_box,
             orientation_cube: self.orientation_cube,
             scale_bar: self.scale_bar,
+            caption: self.caption.then(|| caption().into()),
             label_height_px: self.label_height_px.map(|height| height.0),
             label_depths_mm: self.label_depths_mm,
             occluded: self.occluded.unwrap_or(Overlays::DEFAULT_OCCLUDED),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::super::framing::{FramingRule, framing};
 use super::super::request::RenderRequest;
-use relief_volume::{Anatomy, Framing, Grid, LabelMap, Occupancy, Volume};
+use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Volume};
 
 /// The volume that a scene is resolved for.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +17,8 @@ pub struct Subject<'a> {
     pub content: SubjectContent<'a>,
     /// A label map on the grid.
     pub labels: Option<&'a Arc<LabelMap>>,
+    /// The name that a caption shows; `None` for one that the volume gives.
+    pub name: Option<&'a str>,
 }
 
 /// The source of a volume's occupancy and anatomy. The table is left out.
@@ -44,13 +46,22 @@ impl<'a> Subject<'a> {
     /// A volume, and its label map where it has one.
     #[must_use]
     pub fn of(volume: &'a Volume, labels: Option<&'a Arc<LabelMap>>) -> Self {
-        Self { grid: volume.grid(), content: SubjectContent::Volume(volume), labels }
+        Self { grid: volume.grid(), content: SubjectContent::Volume(volume), labels, name: None }
     }
 
     /// A grid without knowledge of its values.
     #[must_use]
     pub fn of_grid(grid: &'a Grid) -> Self {
-        Self { grid, content: SubjectContent::Unknown, labels: None }
+        Self { grid, content: SubjectContent::Unknown, labels: None, name: None }
+    }
+
+    /// The line that identifies the volume in a picture.
+    pub(super) fn caption(&self) -> String {
+        match (self.name, self.content) {
+            (Some(name), _) => name.to_owned(),
+            (None, SubjectContent::Volume(volume)) => identity_of(volume),
+            (None, _) => size_of(self.grid),
+        }
     }
 
     /// The points that a camera is fitted to; `None` for the bounding sphere.
@@ -88,4 +99,31 @@ impl<'a> SubjectContent<'a> {
             Self::Known { anatomy, .. } => Some(anatomy),
         }
     }
+}
+
+/// The line that identifies a volume without a name of its own: the part of a body that it shows, its
+/// size, and the beginning of its content hash.
+fn identity_of(volume: &Volume) -> String {
+    let name = name_of(volume.without_table().anatomy(), volume.grid());
+    with_hash(&name, volume.content_hash())
+}
+
+/// The name of a volume by the part of a body that it shows, and its size.
+#[must_use]
+pub fn name_of(anatomy: Anatomy, grid: &Grid) -> String {
+    let mut part = anatomy.part.name().to_owned();
+    part[..1].make_ascii_uppercase();
+    let medium = if anatomy.has_contrast { " with contrast medium" } else { "" };
+    format!("{part}{medium}, {}", size_of(grid))
+}
+
+/// A name, and the beginning of the content hash of its volume, which no other volume has.
+#[must_use]
+pub fn with_hash(name: &str, hash: ContentHash) -> String {
+    format!("{name}, {}", &hash.short()[..8])
+}
+
+fn size_of(grid: &Grid) -> String {
+    let [nx, ny, nz] = grid.dims();
+    format!("{nx} × {ny} × {nz}")
 }

@@ -137,11 +137,16 @@ impl Windows {
                 TransferFile::Preset(anatomy.map_or(&PRESETS[0], Anatomy::preset).name.to_owned())
             }
             Self::Opaque => {
-                let [center_hu, width_hu] = anatomy.map_or([40.0, 400.0], Anatomy::window_hu);
+                let [center_hu, width_hu] = usual_window_hu(anatomy);
                 TransferFile::window(center_hu, width_hu)
             }
         }
     }
+}
+
+/// Centre and width of the window that suits the anatomy; without one that for soft tissue, HU.
+pub(super) fn usual_window_hu(anatomy: Option<Anatomy>) -> [f64; 2] {
+    anatomy.map_or([40.0, 400.0], Anatomy::window_hu)
 }
 
 /// The transfer function, and the preset it came from. Opacities whose unit is not written are per
