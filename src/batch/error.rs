@@ -197,15 +197,17 @@ pub enum ViewsError {
         name: String,
     },
     /// A turntable with an impossible number of views.
-    #[error("turntable:{found}: allowed: turntable:1 to turntable:{most}")]
+    #[error("{set}:{found}: allowed: {set}:1 to {set}:{most}")]
     Turns {
+        /// The name of the set.
+        set: &'static str,
         /// The number as written.
         found: String,
         /// The largest number.
         most: u32,
     },
     /// Neither the name of a view set nor a readable file.
-    #[error("{}: {source}; view sets are turntable:N, sides, planes, landmarks, cameras, and files", path.display())]
+    #[error("{}: {source}; view sets are turntable:N, time:N, sides, planes, landmarks, cameras, and files", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -264,6 +266,9 @@ pub enum ViewError {
 /// Why a series has no jobs.
 #[derive(Debug, thiserror::Error)]
 pub enum SkipReason {
+    /// View set `time` was planned, and the series has no phases.
+    #[error("it has no phases, which view set time shows")]
+    NoPhases,
     /// A file of voxels cannot be used.
     #[error(transparent)]
     Format(#[from] FormatError),

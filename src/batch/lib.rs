@@ -65,9 +65,9 @@ pub use report::{REPORT, write_report};
 pub use run::{Options, RunError, run};
 pub use run_state::{RunEvent, Seconds, Summary};
 pub use sink::Sink;
-pub use source::{LabelsSource, SeriesSource};
+pub use source::{LabelsSource, PhaseSource, SeriesSource};
 pub use turntable::{FilmChoice, FilmError, FilmWriter, turntable_capture};
-pub use views::{View, ViewSet};
+pub use views::{FILMS, View, ViewSet};
 
 #[cfg(feature = "queue")]
 pub use queue::{

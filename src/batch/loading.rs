@@ -11,8 +11,8 @@ use super::error::{FailureKind, SeriesError};
 use super::gate::MemoryBudget;
 use super::manifest::Job;
 use super::run_state::RunState;
-use super::source::{BudgetedVolume, SeriesSource};
-use relief_render::{Preparation, PreparedVolume, Scene, SceneError, SceneFile, Subject};
+use super::source::{BudgetedVolume, LastLook, SeriesSource};
+use relief_render::{Preparation, PreparedVolume, Scene, SceneError, SceneFile, Subject, SubjectContent};
 
 /// The time for which a permanent failure of a series holds: it may be mended while a worker runs.
 const BROKEN_FOR: Duration = Duration::from_secs(10);
@@ -35,6 +35,8 @@ pub(super) struct Loading<'a, 'r> {
     /// For the renderer.
     pub(super) preparation: Preparation,
     pub(super) shared: &'r RunState<'r>,
+    /// Of phases.
+    pub(super) last_look: LastLook,
 }
 
 /// The series that was loaded last, or its error.
@@ -96,7 +98,7 @@ impl<'a> Loading<'a, '_> {
         jobs: &[J],
     ) -> Result<(BudgetedVolume<'a>, Option<PreparedVolume>), SeriesError> {
         let started = Instant::now();
-        let loaded = wanted.load(self.gate, self.copies).map(|mut loaded| {
+        let loaded = wanted.load(self.gate, self.copies, &self.last_look).map(|mut loaded| {
             // The renderer needs the hash.
             let _ = loaded.volume.content_hash();
             let scene = jobs.iter().find_map(|job| scene_of(&loaded, job.borrow()).ok());
@@ -128,7 +130,11 @@ fn with_scenes<'a, J: Borrow<Job>>(
 /// The scene of a job on its series.
 fn scene_of(loaded: &BudgetedVolume<'_>, job: &Job) -> Result<Scene, SeriesError> {
     let permanent = |error: SceneError| SeriesError::permanent(&error);
-    let subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
+    let mut subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
+    if let Some(look) = &loaded.look {
+        let (occupancy, tissue) = (Some(&*look.occupancy), &look.tissue);
+        subject.content = SubjectContent::Known { occupancy, tissue, anatomy: look.anatomy };
+    }
     let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
     let mut scene = file.resolve_for(&subject, &job.orbit).map_err(permanent)?;
     scene.expect_no_annotations().map_err(permanent)?;
@@ -155,7 +161,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let source = |name: &str| {
             let (path, name) = (folder.path().join(name), name.to_owned());
-            SeriesSource { path, uid: None, name, sha256: "0".repeat(64), labels: None }
+            SeriesSource { path, uid: None, name, sha256: "0".repeat(64), labels: None, first_phase: None }
         };
         let job = |series: &str, view: &str| {
             let (scene, orbit) = (serde_json::json!({}), Orbit::default());
@@ -176,14 +182,20 @@ mod tests {
         let (sink, gate) = (Sink::Folder(folder.path().join("out")), MemoryBudget::new(1 << 20));
         let shared = RunState::new(&sink, &|_| ());
         let preparation = relief_render::Renderer::on_processor().preparation();
-        let loading = Loading { copies: &copies, gate: &gate, preparation, shared: &shared };
+        let loading = Loading {
+            copies: &copies,
+            gate: &gate,
+            preparation,
+            shared: &shared,
+            last_look: LastLook::default(),
+        };
         let (send, series) = sync_channel(3);
         load_all(groups, &loading, &send);
         drop(send);
         let reasons: Vec<SeriesError> = series.iter().filter_map(|series| Some(series.err()?.1)).collect();
         assert_eq!(reasons[0], reasons[1]);
         assert_eq!(reasons.len(), 3);
-        let again = source("a").load(&gate, &copies).unwrap_err();
+        let again = source("a").load(&gate, &copies, &LastLook::default()).unwrap_err();
         assert!(again.kind == FailureKind::Permanent && again != reasons[0], "{again:?}");
     }
 }

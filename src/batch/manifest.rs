@@ -123,6 +123,9 @@ impl Job {
         if let Some(labels) = &self.series.labels {
             content["labels"] = labels.sha256.clone().into();
         }
+        if let Some(first) = &self.series.first_phase {
+            content["first_phase"] = first.sha256.clone().into();
+        }
         JobKey(sha256_of(content.to_string().as_bytes()))
     }
 
@@ -136,6 +139,7 @@ impl Job {
         let hashes = [
             ("series.sha256", Some(&self.series.sha256)),
             ("series.labels.sha256", self.series.labels.as_ref().map(|labels| &labels.sha256)),
+            ("series.first_phase.sha256", self.series.first_phase.as_ref().map(|first| &first.sha256)),
             ("annotations.sha256", self.annotations.as_ref().map(|kept| &kept.sha256)),
         ];
         for (what, hash) in hashes {

@@ -16,11 +16,12 @@ use super::manifest::Job;
 use super::names::is_name;
 use super::product::Product;
 use super::query::Query;
-use super::source::{LabelsSource, SeriesSource};
+use super::source::{LabelsSource, PhaseSource, SeriesSource};
 use super::views::{View, ViewSet};
 use relief_annotation::Item;
 use relief_base::{Budget, sha256_of_file};
-use relief_dicom::Strictness;
+use relief_dicom::{SeriesIdentity, Strictness};
+use relief_display::DepthRange;
 use relief_render::{FramingRule, SceneFile, TableRule};
 use relief_volume::Orbit;
 use relief_volume::Volume;
@@ -108,6 +109,8 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
             planned.skipped.push((place.path.clone(), reason));
             Vec::new()
         });
+        let time = time_jobs(&found, request, &known);
+        planned.series += usize::from(request.views.is_time() && !time.is_empty());
         for found in found {
             found_any = true;
             let path = found.source.path.clone();
@@ -124,9 +127,12 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
                     planned.series += 1;
                     planned.jobs.extend(jobs);
                 }
+                // Its pictures are those of its series' phases.
+                Err(SkipReason::NoPhases) if !time.is_empty() => {}
                 Err(reason) => planned.skipped.push((path, reason)),
             }
         }
+        planned.jobs.extend(time);
     }
     report(places.len(), places.len());
     if !found_any {
@@ -162,7 +168,8 @@ fn jobs_of(
         }
     }
     if views.is_empty() {
-        return Ok(Err(SkipReason::NoAnnotations));
+        let is_time = request.views.is_time();
+        return Ok(Err(if is_time { SkipReason::NoPhases } else { SkipReason::NoAnnotations }));
     }
     let job = |view: View| {
         let scene = scene_of(&request.scene, view.scene);
@@ -174,6 +181,57 @@ fn jobs_of(
         Job::new(found.source.clone(), view.name, view.group, scene, orbit, products, kept.clone())
     };
     Ok(Ok(views.into_iter().map(job).collect()))
+}
+
+/// The jobs of view set `time` of the series of one place: each picture shows the next phase from the
+/// next side. All have the framing and the table of the first phase, and the depth range of the
+/// volume's box. Jobs of one phase are neighbours, so that it is loaded once.
+fn time_jobs(found: &[FoundSeries], request: &Request, known: &HashSet<String>) -> Vec<Job> {
+    let mut jobs = Vec::new();
+    for phases in regions(found) {
+        let first = &phases[0].source;
+        let is_repeated = known.contains(&first.sha256);
+        if request.views.time.is_empty() || is_repeated || phases[0].admit(&request.query).is_err() {
+            continue;
+        }
+        let first_phase = first.uid.clone().map(|uid| PhaseSource { uid, sha256: first.sha256.clone() });
+        for (number, phase) in phases.iter().enumerate() {
+            let views = request.views.time.iter().skip(number).step_by(phases.len());
+            for View { name, group, scene, orbit } in views.cloned() {
+                let (own, name_of_series) = (first_phase.clone(), first.name.clone());
+                let source = SeriesSource { name: name_of_series, first_phase: own, ..phase.source.clone() };
+                let mut scene = scene_of(&request.scene, scene);
+                let display = scene.entry("display").or_insert_with(|| Map::new().into());
+                if let Some(display) = display.as_object_mut() {
+                    display.entry("depth_range").or_insert_with(|| DepthRange::Volume.name().into());
+                }
+                let [azimuth_deg, elevation_deg] = orbit.unwrap_or_default();
+                let orbit = Orbit { azimuth_deg, elevation_deg, ..request.orbit };
+                let (scene, products) = (Value::Object(scene), request.products.clone());
+                jobs.push(Job::new(source, name, group, scene, orbit, products, None));
+            }
+        }
+    }
+    jobs
+}
+
+/// The series of a place that are phases of one region, in their order.
+fn regions(found: &[FoundSeries]) -> Vec<Vec<&FoundSeries>> {
+    let mut regions: Vec<(SeriesIdentity, Vec<(usize, &FoundSeries)>)> = Vec::new();
+    for series in found {
+        let SeriesFormat::Dicom(entry) = &series.kind else { continue };
+        let Some(phase) = entry.phase() else { continue };
+        let identity = entry.identity();
+        match regions.iter_mut().find(|(known, _)| known.is_of_same_region(&identity)) {
+            Some((_, phases)) => phases.push((phase.number, series)),
+            None => regions.push((identity, vec![(phase.number, series)])),
+        }
+    }
+    let in_order = |mut phases: Vec<(usize, _)>| {
+        phases.sort_by_key(|(number, _)| *number);
+        phases.into_iter().map(|(_, series)| series).collect()
+    };
+    regions.into_iter().map(|(_, phases)| in_order(phases)).collect()
 }
 
 /// The scene of a view: the shared keys, and its own in place of theirs. A shared preset colours
@@ -312,7 +370,8 @@ fn find(place: &Candidate, copies: &Copies) -> Result<Vec<FoundSeries>, SkipReas
     let labels = place.labels.as_deref().map(|path| find_labels(path, copies)).transpose()?;
     let source = |uid: Option<String>, sha256: String| {
         let name = place.name.clone().unwrap_or_else(|| format!("series-{}", &sha256[..12]));
-        SeriesSource { path: place.path.clone(), uid, name, sha256, labels: labels.clone() }
+        let path = place.path.clone();
+        SeriesSource { path, uid, name, sha256, labels: labels.clone(), first_phase: None }
     };
     if relief_dicom::is_volume_file(local.path()) {
         let sha256 = sha256_of_file(local.path())?;

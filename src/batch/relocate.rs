@@ -81,8 +81,14 @@ mod tests {
     fn job(path: &str) -> Job {
         let job = JobKey(String::new());
         let sha256 = "0".repeat(64);
-        let series =
-            SeriesSource { path: path.into(), uid: None, name: "a".to_owned(), sha256, labels: None };
+        let series = SeriesSource {
+            path: path.into(),
+            uid: None,
+            name: "a".to_owned(),
+            sha256,
+            labels: None,
+            first_phase: None,
+        };
         let (view, group) = ("front".to_owned(), String::new());
         Job {
             job,

@@ -15,6 +15,7 @@ use super::product::Product;
 use super::record::Record;
 use super::sink::Sink;
 use super::turntable::{FilmWriter, turntable_capture};
+use super::views::FILMS;
 use crate::picture::open;
 use relief_display::{encode_png, shrunk_rgb};
 use relief_session::{Thumbnail, contact_sheet};
@@ -77,22 +78,28 @@ fn report_series(
     if let Some(sheet) = sheet(&shown, &small) {
         out.put(&format!("{name}/contact-sheet.png"), sheet)?;
     }
-    for product in [Product::Capture, Product::AnnotatedCapture] {
-        match turntable_capture(out, &turns(name, &shown, product)) {
-            Ok(Some(object)) => out.put(&format!("{name}/turntable.{}", product.ending()), object)?,
-            Ok(None) => {}
-            Err(error) => tracing::warn!("{name}: the turntable is no DICOM object: {error}"),
+    for group in FILMS {
+        let film = format!("{name}/{group}");
+        for product in [Product::Capture, Product::AnnotatedCapture] {
+            match turntable_capture(out, &turns(name, &shown, group, product)) {
+                Ok(Some(object)) => out.put(&format!("{film}.{}", product.ending()), object)?,
+                Ok(None) => {}
+                Err(error) => tracing::warn!("{film} is no DICOM object: {error}"),
+            }
         }
+        films.write_frames(out, &film, &turns(name, &shown, group, Product::Frame))?;
+        films.write(out, &film, &turns(name, &shown, group, Product::Color))?;
     }
-    films.write_frames(out, name, &turns(name, &shown, Product::Frame))?;
-    films.write(out, name, &turns(name, &shown, Product::Color))?;
     Ok(shown)
 }
 
-/// The colours or the frames of group `turntable`.
-fn turns(series: &str, shown: &[ReportedJob], product: Product) -> Vec<String> {
-    let turns = shown.iter().filter(|one| one.record.group == "turntable");
-    turns.filter_map(|one| one.record.output(product)).map(|file| format!("{series}/{file}")).collect()
+/// The colours or the frames of a group, in the order of their names: jobs of phases are in another.
+fn turns(series: &str, shown: &[ReportedJob], group: &str, product: Product) -> Vec<String> {
+    let turns = shown.iter().filter(|one| one.record.group == group);
+    let files = turns.filter_map(|one| one.record.output(product));
+    let mut files: Vec<String> = files.map(|file| format!("{series}/{file}")).collect();
+    files.sort();
+    files
 }
 
 /// The colour of a job, made small, with annotations where it has them; of a frame its left half.

@@ -20,7 +20,7 @@ use super::outputs::{Outputs, RenderedView};
 use super::record::Record;
 use super::run_state::{RunEvent, RunState, Summary};
 use super::sink::Sink;
-use super::source::BudgetedVolume;
+use super::source::{BudgetedVolume, LastLook};
 use crate::output_file::OutputFile;
 use relief_render::{GpuError, Overlays, PictureWarning, RenderError, Renderer, Scene, Subject};
 
@@ -104,7 +104,9 @@ pub(super) fn render_groups<J: Borrow<Job> + Send>(
     let pictures = &Mutex::new(pictures);
     let preparation = renderer.preparation();
     std::thread::scope(|scope| {
-        scope.spawn(move || load_all(groups, &Loading { copies, gate, preparation, shared }, &loaded));
+        let last_look = LastLook::default();
+        let loading = Loading { copies, gate, preparation, shared, last_look };
+        scope.spawn(move || load_all(groups, &loading, &loaded));
         for _ in 0..writers {
             scope.spawn(move || write_all::<J>(pictures, shared));
         }

@@ -10,10 +10,12 @@ use super::copies::Copies;
 use super::error::{FailureKind, SeriesError};
 use super::gate::{MemoryBudget, ReservedMemory};
 use super::isolation::{self, FoundSeries, IsolatedReader, IsolationError};
+use parking_lot::Mutex;
 use relief_base::{Budget, sha256_of_file};
 use relief_dicom::{LoadLimits, SeriesEntry, SeriesReference, Strictness};
+use relief_render::framing_of_tissue;
 use relief_session::load_labels;
-use relief_volume::{LabelMap, Volume};
+use relief_volume::{Anatomy, Framing, Grid, LabelMap, Occupancy, Table, Volume};
 
 /// The location and identity of a series.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -32,7 +34,35 @@ pub struct SeriesSource {
     /// The label map that its scenes know segments by.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelsSource>,
+    /// The phase whose framing and table it has, of a series that shows one region several times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_phase: Option<PhaseSource>,
 }
+
+/// A phase at the same path.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseSource {
+    /// Its UID.
+    pub uid: String,
+    /// SHA-256 of its files.
+    pub sha256: String,
+}
+
+/// What all phases of a region share: framing, preset and table of the first one.
+#[derive(Debug)]
+pub(super) struct SharedLook {
+    source: PhaseSource,
+    grid: Grid,
+    pub(super) occupancy: Arc<Occupancy>,
+    pub(super) tissue: Framing,
+    pub(super) anatomy: Anatomy,
+    table: Option<Arc<Table>>,
+}
+
+/// The look of the phases that were loaded last: the next ones are of the same region.
+#[derive(Debug, Default)]
+pub(super) struct LastLook(Mutex<Option<Arc<SharedLook>>>);
 
 /// The location and identity of a label map.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -50,6 +80,8 @@ pub(super) struct BudgetedVolume<'a> {
     pub(super) volume: Volume,
     /// On its grid.
     pub(super) labels: Option<Arc<LabelMap>>,
+    /// What it shares with the other phases of its region.
+    pub(super) look: Option<Arc<SharedLook>>,
     /// The series that DICOM objects of its pictures belong to.
     pub(super) reference: Option<Arc<SeriesReference>>,
     /// Warnings from reading the series.
@@ -73,14 +105,21 @@ impl SeriesSource {
         &self,
         gate: &'a MemoryBudget,
         copies: &Copies,
+        last: &LastLook,
     ) -> Result<BudgetedVolume<'a>, SeriesError> {
         let local = copies.local(&self.path).map_err(|error| SeriesError::new(kind_of(&error), &error))?;
         let path = local.path();
+        // Before its own voxels take the memory.
+        let look = self.first_phase.as_ref().map(|first| last.of(first, path, gate)).transpose()?;
         let mut loaded = match local.isolated() {
             Some(reader) => self.load_isolated(reader, path, gate)?,
             None if relief_dicom::is_volume_file(path) => self.load_file(path, gate)?,
             None => self.load_series(path, gate)?,
         };
+        if let Some(look) = look.filter(|look| look.grid == *loaded.volume.grid()) {
+            loaded.volume = loaded.volume.with_table(look.table.clone());
+            loaded.look = Some(look);
+        }
         if let Some(labels) = &self.labels {
             labels.load(copies, gate, &mut loaded)?;
         }
@@ -110,7 +149,7 @@ impl SeriesSource {
         let warnings = found.warnings().into_iter().chain(loaded.warnings);
         let warnings = warnings.map(|warning| warning.message).collect();
         let (volume, reference) = (loaded.volume, loaded.reference);
-        Ok(BudgetedVolume { volume, labels: None, reference, warnings, held })
+        Ok(BudgetedVolume { volume, labels: None, look: None, reference, warnings, held })
     }
 
     fn load_file<'a>(&self, path: &Path, gate: &'a MemoryBudget) -> Result<BudgetedVolume<'a>, SeriesError> {
@@ -123,7 +162,7 @@ impl SeriesSource {
             .map_err(|error| SeriesError::permanent(error.about("its file")))?;
         let warnings = read.warnings.into_iter().map(|warning| warning.message).collect();
         let volume = read.volume;
-        Ok(BudgetedVolume { volume, labels: None, reference: None, warnings, held })
+        Ok(BudgetedVolume { volume, labels: None, look: None, reference: None, warnings, held })
     }
 
     /// Loads the series in a child process.
@@ -156,7 +195,7 @@ impl SeriesSource {
         let (loaded, warnings) = read.map_err(of_child)?;
         let held = held.unwrap_or_else(|| gate.hold(0));
         let (volume, reference) = (loaded.volume, loaded.reference);
-        Ok(BudgetedVolume { volume, labels: None, reference, warnings, held })
+        Ok(BudgetedVolume { volume, labels: None, look: None, reference, warnings, held })
     }
 
     fn expect(&self, found: &str) -> Result<(), SeriesError> {
@@ -164,6 +203,44 @@ impl SeriesSource {
             return Ok(());
         }
         Err(SeriesError::permanent("the series' files have changed since planning; plan again"))
+    }
+}
+
+impl LastLook {
+    /// The look of the phases whose first one this is.
+    fn of(
+        &self,
+        first: &PhaseSource,
+        path: &Path,
+        gate: &MemoryBudget,
+    ) -> Result<Arc<SharedLook>, SeriesError> {
+        let mut last = self.0.lock();
+        if let Some(known) = last.as_ref().filter(|known| known.source == *first) {
+            return Ok(Arc::clone(known));
+        }
+        let look = Arc::new(first.load(path, gate)?);
+        *last = Some(Arc::clone(&look));
+        Ok(look)
+    }
+}
+
+impl PhaseSource {
+    fn load(&self, path: &Path, gate: &MemoryBudget) -> Result<SharedLook, SeriesError> {
+        let source = SeriesSource {
+            path: path.to_owned(),
+            uid: Some(self.uid.clone()),
+            name: String::new(),
+            sha256: self.sha256.clone(),
+            labels: None,
+            first_phase: None,
+        };
+        let mut loaded = source.load_series(path, gate)?;
+        let shown = loaded.volume.without_table();
+        let (occupancy, grid) = (Arc::clone(shown.occupancy()), shown.grid().clone());
+        let tissue = framing_of_tissue(&occupancy, &grid);
+        let (anatomy, table) = (shown.anatomy(), loaded.volume.table().cloned());
+        loaded.count_copy();
+        Ok(SharedLook { source: self.clone(), grid, occupancy, tissue, anatomy, table })
     }
 }
 

@@ -108,29 +108,29 @@ impl FilmWriter {
         }
     }
 
-    /// Writes the display's frames of a turntable as `turntable.frame.mkv`, without loss, if there is
+    /// Writes the display's frames of a turntable as `FILM.frame.mkv`, without loss, if there is
     /// ffmpeg; nothing of fewer than two, of several sizes, or of 16-bit frames.
     ///
     /// # Errors
     /// When the file cannot be written, ffmpeg fails, or the decoded film differs from the frames.
-    pub(super) fn write_frames(&self, out: &Sink, series: &str, turns: &[String]) -> std::io::Result<()> {
+    pub(super) fn write_frames(&self, out: &Sink, film: &str, turns: &[String]) -> std::io::Result<()> {
         let Some(ffmpeg) = self.ffmpeg.as_deref().filter(|_| turns.len() > 1) else { return Ok(()) };
         match frame_film(ffmpeg, out, turns).map_err(std::io::Error::other)? {
-            Some(film) => out.put(&format!("{series}/turntable.frame.mkv"), film),
+            Some(bytes) => out.put(&format!("{film}.frame.mkv"), bytes),
             None => Ok(()),
         }
     }
 
-    /// Writes `turntable.png` and, with ffmpeg, `turntable.mp4` of these outputs of a series;
+    /// Writes `FILM.png` and, with ffmpeg, `FILM.mp4` of these outputs of a series;
     /// nothing of fewer than two, or of several sizes.
     ///
     /// # Errors
     /// When a file cannot be written, or ffmpeg fails.
-    pub(super) fn write(&self, out: &Sink, series: &str, turns: &[String]) -> std::io::Result<()> {
+    pub(super) fn write(&self, out: &Sink, film: &str, turns: &[String]) -> std::io::Result<()> {
         if let Some(file) = apng(out, turns) {
-            out.put(&format!("{series}/turntable.png"), file)?;
+            out.put(&format!("{film}.png"), file)?;
             if let Some(ffmpeg) = &self.ffmpeg {
-                return out.put(&format!("{series}/turntable.mp4"), mp4(ffmpeg, out, turns)?);
+                return out.put(&format!("{film}.mp4"), mp4(ffmpeg, out, turns)?);
             }
         }
         Ok(())

@@ -29,9 +29,17 @@ pub struct ViewSet {
     pub views: Vec<View>,
     /// One for each landmark of the series, along its normal.
     pub landmarks: bool,
+    /// Turns of each series that has phases: each picture shows the next phase.
+    pub time: Vec<View>,
     /// One through each camera by which an annotation of the series was placed.
     pub cameras: bool,
 }
+
+/// Sets of turns, and the groups of their views: of each series, and of each one that has phases.
+pub(super) const TURNTABLE: &str = "turntable";
+pub(super) const TIME: &str = "time";
+/// The groups whose pictures become films.
+pub const FILMS: [&str; 2] = [TURNTABLE, TIME];
 
 /// Most views of a turntable: one for each half degree.
 const MOST_TURNS: u32 = 720;
@@ -41,11 +49,11 @@ impl ViewSet {
     #[must_use]
     pub fn are_slices(&self) -> bool {
         let all = self.views.iter().all(|view| view.scene.contains_key("slice"));
-        all && !self.views.is_empty() && !self.needs_annotations()
+        all && !self.views.is_empty() && self.time.is_empty() && !self.needs_annotations()
     }
 
-    /// Reads sets with commas between them: `turntable:N`, `sides`, `planes`, `landmarks`,
-    /// `cameras`, or a file: a JSON array of `{"name", "scene"}`.
+    /// Reads sets with commas between them: `turntable:N`, `time:N`, `sides`, `planes`,
+    /// `landmarks`, `cameras`, or a file: a JSON array of `{"name", "scene"}`.
     ///
     /// # Errors
     /// When one is no such set, the file cannot be read or has no views, or two views have one
@@ -55,7 +63,8 @@ impl ViewSet {
         let views = &mut sets.views;
         for set in text.split(',').map(str::trim) {
             match set.split_once(':') {
-                Some(("turntable", count)) => views.extend(turntable(count)?),
+                Some((TURNTABLE, count)) => views.extend(turns(TURNTABLE, count)?),
+                Some((TIME, count)) => sets.time.extend(turns(TIME, count)?),
                 _ if set == "sides" => views.extend(sides()),
                 _ if set == "planes" => views.extend(planes()),
                 _ if set == "landmarks" => sets.landmarks = true,
@@ -63,12 +72,19 @@ impl ViewSet {
                 _ => views.extend(read(Path::new(set))?),
             }
         }
+        let views: Vec<&View> = sets.views.iter().chain(&sets.time).collect();
         for (index, view) in views.iter().enumerate() {
             if views[..index].iter().any(|other| other.name == view.name) {
                 return Err(ViewsError::Twice { name: view.name.clone() }.into());
             }
         }
         Ok(sets)
+    }
+
+    /// Whether only phases have views.
+    #[must_use]
+    pub fn is_time(&self) -> bool {
+        !self.time.is_empty() && self.views.is_empty() && !self.needs_annotations()
     }
 
     /// Whether some of the views are those of annotations.
@@ -79,16 +95,16 @@ impl ViewSet {
 }
 
 /// Equal turns about the patient's long axis, from the front.
-fn turntable(count: &str) -> Result<Vec<View>, ViewsError> {
-    let wrong = || ViewsError::Turns { found: count.to_owned(), most: MOST_TURNS };
+fn turns(set: &'static str, count: &str) -> Result<Vec<View>, ViewsError> {
+    let wrong = || ViewsError::Turns { set, found: count.to_owned(), most: MOST_TURNS };
     let count: u32 = count.parse().map_err(|_| wrong())?;
     if !(1..=MOST_TURNS).contains(&count) {
         return Err(wrong());
     }
     let view = |turn: u32| {
         let azimuth_deg = 360.0 * f64::from(turn) / f64::from(count);
-        let name = format!("turntable-{turn:03}");
-        View { name, group: "turntable".to_owned(), scene: Map::new(), orbit: Some([azimuth_deg, 0.0]) }
+        let name = format!("{set}-{turn:03}");
+        View { name, group: set.to_owned(), scene: Map::new(), orbit: Some([azimuth_deg, 0.0]) }
     };
     Ok((0..count).map(view).collect())
 }

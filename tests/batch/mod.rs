@@ -19,6 +19,7 @@ mod queue;
 #[cfg(feature = "full")]
 pub(crate) mod services;
 mod slurm;
+mod time;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -135,7 +135,7 @@ impl FilmArguments {
     /// The films of these turntables; warns if ffmpeg is missing.
     fn films(&self, jobs: &[Job]) -> anyhow::Result<FilmWriter> {
         let films = FilmWriter::new(self.turntable, &self.ffmpeg).map_err(anyhow::Error::msg)?;
-        if films.lacks_ffmpeg && jobs.iter().any(|job| job.group == "turntable") {
+        if films.lacks_ffmpeg && jobs.iter().any(|job| relief_batch::FILMS.contains(&&*job.group)) {
             eprintln!("turntables are animated PNG alone: there is no ffmpeg to make MP4");
         }
         Ok(films)

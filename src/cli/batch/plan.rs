@@ -36,7 +36,8 @@ pub(crate) struct PlanArguments {
     /// slices, columns, rows, pixel_mm, thickness_mm, with = != < <= > >=
     #[arg(long = "where", value_name = "CONDITIONS")]
     query: Option<Query>,
-    /// Views with commas between them: turntable:N, sides (six), planes (axial, coronal, sagittal),
+    /// Views with commas between them: turntable:N, time:N (a turntable through the phases of each
+    /// series that has phases), sides (six), planes (axial, coronal, sagittal),
     /// landmarks (one for each point and plane of --annotations, along its normal), cameras (as
     /// annotations were placed), or a file: a JSON array of {"name", "azimuth_deg",
     /// "elevation_deg", "scene"}

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, bail};
 use relief_archive::{ArchiveAddress, StoreOutcome};
-use relief_batch::{Copies, Job, Product, Record, Sink, turntable_capture};
+use relief_batch::{Copies, FILMS, Job, Product, Record, Sink, turntable_capture};
 use serde::Serialize;
 
 use crate::send::outgoing;
@@ -48,15 +48,15 @@ pub(super) fn send(
     archive: &ArchiveAddress,
 ) -> anyhow::Result<SentObjects> {
     let mut sent = SentObjects::default();
-    let mut turntables: BTreeMap<(&str, Product), Turntable> = BTreeMap::new();
+    let mut turntables: BTreeMap<(&str, &str, Product), Turntable> = BTreeMap::new();
     for job in jobs {
         let series = &*job.series.name;
         let record = Record::of_done(job, out);
         for &product in job.products.iter().filter(|product| product.is_object()) {
             let output = record.as_ref().and_then(|record| record.output(product));
             let file = output.map(|output| format!("{series}/{output}"));
-            if job.group == "turntable" {
-                let turntable = turntables.entry((series, product)).or_default();
+            if FILMS.contains(&&*job.group) {
+                let turntable = turntables.entry((series, &job.group, product)).or_default();
                 turntable.missing += usize::from(file.is_none());
                 turntable.files.extend(file);
             } else if let Some(file) = file {
@@ -66,8 +66,9 @@ pub(super) fn send(
             }
         }
     }
-    for ((series, product), Turntable { files, missing }) in turntables {
-        let name = format!("{series}/turntable.{}", product.ending());
+    for ((series, group, product), Turntable { mut files, missing }) in turntables {
+        let name = format!("{series}/{group}.{}", product.ending());
+        files.sort(); // jobs of phases are in another order
         let about = || failure(&name);
         if missing > 0 {
             eprintln!("not sent: {name}, {missing} of its {} views are not done", files.len() + missing);
