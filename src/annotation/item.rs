@@ -50,6 +50,10 @@ pub struct Item {
     /// Frame of reference of its positions; `None` if a file did not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame_of_reference: Option<FrameOfReference>,
+    /// The phase to which its position belongs, from 1, where it was placed in one of the phases of a
+    /// series. It is drawn in that phase only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<u32>,
     /// The author.
     pub author: String,
     /// The time of creation.
@@ -186,6 +190,7 @@ impl Item {
             locked: false,
             visible: true,
             frame_of_reference: None,
+            phase: None,
             author: author.to_owned(),
             created: Timestamp::now(),
             placement: None,
@@ -199,6 +204,12 @@ impl Item {
             Some(Geometry::Point { at_mm }) => Some(at_mm),
             _ => None,
         }
+    }
+
+    /// Whether it is drawn in this phase of a series; `None` is a series without phases.
+    #[must_use]
+    pub fn is_in_phase(&self, shown: Option<u32>) -> bool {
+        self.phase.is_none() || shown.is_none() || self.phase == shown
     }
 
     /// Checks every range, and that state and geometry agree.

@@ -273,6 +273,7 @@ impl Expected {
             locked: false,
             visible: true,
             frame_of_reference: None,
+            phase: None,
             author: "template".to_owned(),
             created: super::time::Timestamp::now(),
             placement: None,

@@ -10,7 +10,10 @@ use crate::panel::panel_for;
 use crate::slice::{SliceArguments, parse_triple};
 use crate::transfer::TransferArguments;
 use relief_display::{DepthFilter, DepthRange, DisplaySettings, Layout, ScreenPlane};
-use relief_render::{Classification, DepthRule, FramingRule, Mode, Overlays, Quality, SceneFile, TableRule};
+use relief_render::{
+    Classification, CutChoice, CutFaces, DepthRule, FramingRule, Mode, Overlays, Quality, SceneFile,
+    TableRule,
+};
 use relief_volume::{Orbit, PRESETS};
 
 /// A scene file, and options that override it.
@@ -34,6 +37,10 @@ pub(super) struct SceneArguments {
     /// layers are not missed
     #[arg(long, value_name = "NAME", value_parser = parse_classification)]
     classification: Option<Classification>,
+    /// How cut faces look, where the volume's edge or a clip opens a body: lit, in the colours of the
+    /// preset, or slice, the slice of the volume in grey, as anatomists cut [default: lit]
+    #[arg(long, value_name = "NAME", value_parser = parse_cut)]
+    cut: Option<CutChoice>,
     /// How closely mode composite is sampled: still, four samples a voxel, or moving, two, which is
     /// faster and leaves faint rings on surfaces [default: still]
     #[arg(long, value_name = "QUALITY", value_parser = qualities())]
@@ -53,9 +60,13 @@ pub(super) struct SceneArguments {
     denoise: bool,
     #[command(flatten)]
     light: LightArguments,
-    /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar
+    /// Drawn over the picture, in its depth: bounding-box, cube, scale-bar, caption
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_overlay)]
     overlay: Vec<String>,
+    /// Write the body part, the size and the beginning of the content hash over the picture: the same
+    /// as --overlay caption
+    #[arg(long)]
+    caption: bool,
     /// Segments of --labels to hide, by label or name; 0 is the voxels without a segment
     #[arg(long, value_name = "LABELS", value_delimiter = ',', conflicts_with = "keep_labels")]
     cut_labels: Vec<String>,
@@ -143,6 +154,10 @@ fn parse_classification(name: &str) -> Result<Classification, String> {
     Classification::from_name(name).ok_or_else(|| format!("classifications are {names}"))
 }
 
+fn parse_cut(name: &str) -> Result<CutChoice, String> {
+    CutChoice::from_name(name).ok_or_else(|| format!("cuts are {}", CutFaces::NAMES.join(", ")))
+}
+
 fn parse_depth_filter(name: &str) -> Result<DepthFilter, String> {
     let names = DepthFilter::ALL.map(DepthFilter::name).join(", ");
     DepthFilter::from_name(name).ok_or_else(|| format!("depth filters are {names}"))
@@ -213,11 +228,17 @@ impl SceneArguments {
         if let Some(classification) = self.classification {
             scene = scene.with_classification(classification);
         }
+        if let Some(cut) = self.cut {
+            scene = scene.with_cut(cut);
+        }
         if let Some(quality) = self.quality {
             scene = scene.with_quality(quality);
         }
         for name in &self.overlay {
             scene = scene.with_overlay(name)?;
+        }
+        if self.caption {
+            scene = scene.with_overlay("caption")?;
         }
         scene = scene.with_labels(&self.cut_labels, &self.keep_labels, self.label_tint);
         if let Some(rule) = self.depth_rule {

@@ -177,6 +177,13 @@ impl Discovery {
         }
     }
 
+    /// The phases of one region, in their order, where the series, or those that `uid` names, are
+    /// nothing else.
+    #[must_use]
+    pub fn phases(&self, uid: Option<&str>) -> Option<Vec<&SeriesEntry>> {
+        series::phases(&self.series, uid)
+    }
+
     /// The series with this number among its phases (see [`SeriesEntry::phase`]); `uid` chooses where
     /// several series have phases.
     ///

@@ -64,6 +64,8 @@ struct Group {
     differs: Vec<String>,
     /// Its number among the phases of one region.
     phase: Option<Phase>,
+    /// Number of that region.
+    region: usize,
     warnings: Vec<Warning>,
 }
 
@@ -77,7 +79,7 @@ pub(super) fn group(frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntr
 }
 
 fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEntry> {
-    let all = Group { frames, differs: Vec::new(), phase: None, warnings: Vec::new() };
+    let all = Group { frames, differs: Vec::new(), phase: None, region: 0, warnings: Vec::new() };
     let mut groups = vec![all];
     groups = each(groups, |group| by_number(group, "patient", |frame| frame.file.patient));
     groups = each(groups, |group| by_number(group, "study", |frame| frame.file.study_uid.clone()));
@@ -94,6 +96,12 @@ fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEnt
         groups = each(groups, |group| by_pass(group, pass));
     }
     groups = each(groups, by_phase);
+    let mut regions = 0;
+    for group in &mut groups {
+        // The phases of a region follow one another.
+        regions += usize::from(group.phase.is_some_and(|phase| phase.number == 1));
+        group.region = regions;
+    }
     groups.sort_by_key(|group| std::cmp::Reverse(group.frames.len()));
     let several = groups.len() > 1;
     let name = |index: usize| if several { format!("{uid}#{}", index + 1) } else { uid.to_owned() };
@@ -101,7 +109,7 @@ fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEnt
         let mixed = mixed(&group);
         group.warnings.extend(mixed);
         SeriesEntry::new(name(index), group.frames, group.differs, group.warnings, budget)
-            .in_phase(group.phase)
+            .in_phase(group.phase, group.region)
     };
     groups.into_iter().enumerate().map(entry).collect()
 }
@@ -117,7 +125,7 @@ impl Group {
         let part = |(differs, frames)| {
             let added = several.then_some(differs);
             let differs = self.differs.iter().cloned().chain(added).collect();
-            Self { frames, differs, phase: self.phase, warnings: self.warnings.clone() }
+            Self { frames, differs, phase: self.phase, region: self.region, warnings: self.warnings.clone() }
         };
         parts.into_iter().map(part).collect()
     }
@@ -189,6 +197,7 @@ fn by_shape(group: Group) -> Vec<Group> {
         frames,
         differs: group.differs.clone(),
         phase: group.phase,
+        region: group.region,
         warnings: warnings.clone(),
     };
     shapes.into_iter().map(part).collect()

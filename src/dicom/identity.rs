@@ -4,7 +4,7 @@
 //! UIDs identify a patient to anyone with access to the archive, so they are kept out of logs,
 //! metrics and messages: `Debug` shows none of them.
 
-use super::series::SeriesEntry;
+use super::series::{Phase, SeriesEntry};
 
 /// Study and Series Instance UID of a volume, and its Frame of Reference UID.
 #[derive(Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -12,6 +12,9 @@ pub struct SeriesIdentity {
     study_uid: String,
     series_uid: String,
     frame_of_reference_uid: String,
+    /// Its phase, and the number of the region whose phases these are.
+    #[serde(default)]
+    phase: Option<(Phase, usize)>,
 }
 
 impl SeriesIdentity {
@@ -19,13 +22,35 @@ impl SeriesIdentity {
     #[must_use]
     pub fn new(study_uid: impl Into<String>, series_uid: impl Into<String>) -> Self {
         let [study_uid, series_uid] = [study_uid.into(), series_uid.into()];
-        Self { study_uid, series_uid, frame_of_reference_uid: String::new() }
+        Self { study_uid, series_uid, ..Self::default() }
     }
 
     /// The same with a Frame of Reference UID; an empty one stands for none.
     #[must_use]
     pub fn within_frame_of_reference(self, uid: impl Into<String>) -> Self {
         Self { frame_of_reference_uid: uid.into(), ..self }
+    }
+
+    /// The same as a phase of the region with this number.
+    #[must_use]
+    pub fn in_phase(self, phase: Phase, region: usize) -> Self {
+        Self { phase: Some((phase, region)), ..self }
+    }
+
+    /// Which phase of its series it is, where that shows one region several times.
+    #[must_use]
+    pub fn phase(&self) -> Option<Phase> {
+        self.phase.map(|(phase, _)| phase)
+    }
+
+    /// Whether both are phases of one region. A series without UIDs has no others.
+    #[must_use]
+    pub fn is_of_same_region(&self, other: &Self) -> bool {
+        let region = |of: &Self| of.phase.map(|(phase, region)| (phase.count, region));
+        region(self).is_some()
+            && region(self) == region(other)
+            && self.frame_of_reference_uid == other.frame_of_reference_uid
+            && self.is(&other.study_uid, &other.series_uid)
     }
 
     /// Frame of Reference UID (0020,0052): the coordinate system of the volume's positions. `None`
@@ -54,8 +79,12 @@ impl SeriesEntry {
     #[must_use]
     pub fn identity(&self) -> SeriesIdentity {
         let file = &self.frames[0].file;
-        SeriesIdentity::new(file.study_uid.as_str(), file.series_uid.as_str())
-            .within_frame_of_reference(self.frame_of_reference().unwrap_or_default())
+        let identity = SeriesIdentity::new(file.study_uid.as_str(), file.series_uid.as_str())
+            .within_frame_of_reference(self.frame_of_reference().unwrap_or_default());
+        match self.phase() {
+            Some(phase) => identity.in_phase(phase, self.region()),
+            None => identity,
+        }
     }
 
     /// Frame of Reference UID (0020,0052), where all slices have the same one. Not for messages.
@@ -79,6 +108,15 @@ mod tests {
         assert!(identity.is("1.2.3", "1.2.3.4"));
         assert!(!identity.is("1.2.3", "1.2.3.5") && !identity.is("1.2.4", "1.2.3.4"));
         assert!(!SeriesIdentity::default().is("", ""), "files without UIDs are not all the same");
+        let phase = |number| {
+            let phase = Phase { number, count: 2 };
+            SeriesIdentity::new("1.2.3", "1.2.3.4").in_phase(phase, 1)
+        };
+        assert!(phase(1).is_of_same_region(&phase(2)) && !phase(1).is_of_same_region(&identity));
+        let elsewhere = SeriesIdentity::new("1.2.3", "1.2.3.4").in_phase(Phase { number: 2, count: 2 }, 2);
+        assert!(!phase(1).is_of_same_region(&elsewhere), "another region");
+        let nameless = SeriesIdentity::default().in_phase(Phase { number: 1, count: 2 }, 1);
+        assert!(!nameless.is_of_same_region(&nameless), "files without UIDs are not all the same");
         let identity = identity.within_frame_of_reference("1.2.9");
         assert_eq!(identity.frame_of_reference(), Some("1.2.9"));
         assert_eq!(SeriesIdentity::default().frame_of_reference(), None);

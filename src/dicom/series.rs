@@ -1,6 +1,6 @@
 //! A series that can be loaded. [`grouping`](super::grouping) has the rule for what it holds.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::error::{Error, Reasons};
 use super::header::FrameHeader;
@@ -8,7 +8,7 @@ use super::warnings::Warning;
 use relief_base::Budget;
 
 /// A phase of a series that shows one region several times: 4D CT, a heart, perfusion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Phase {
     /// From 1, in the order of the attribute that distinguishes the phases, or else of time.
     pub number: usize,
@@ -30,6 +30,8 @@ pub struct SeriesEntry {
     /// How its slices differ from others of its SeriesInstanceUID; names no patient.
     differs: Vec<String>,
     phase: Option<Phase>,
+    /// Which region of its SeriesInstanceUID it shows, where several have phases.
+    region: usize,
     pub(super) warnings: Vec<Warning>,
     /// The resources that reading its files may still take.
     pub(super) budget: Budget,
@@ -49,11 +51,15 @@ impl SeriesEntry {
         warnings: Vec<Warning>,
         budget: &Budget,
     ) -> Self {
-        Self { uid, frames, differs, phase: None, warnings, budget: budget.clone() }
+        Self { uid, frames, differs, phase: None, region: 0, warnings, budget: budget.clone() }
     }
 
-    pub(super) fn in_phase(self, phase: Option<Phase>) -> Self {
-        Self { phase, ..self }
+    pub(super) fn in_phase(self, phase: Option<Phase>, region: usize) -> Self {
+        Self { phase, region, ..self }
+    }
+
+    pub(super) fn region(&self) -> usize {
+        self.region
     }
 
     /// Which phase of its SeriesInstanceUID it is, where that has several.
@@ -164,6 +170,21 @@ pub(super) fn of_phase<'a>(
         [] => Err(Error::NoPhase { number, listing: listing(series) }),
         several => Err(Error::SeveralSeries { count: several.len(), listing: listing(series) }),
     }
+}
+
+/// The phases of one region, in their order: where the series, or those that `uid` names, are
+/// nothing else.
+pub(super) fn phases<'a>(series: &'a [SeriesEntry], uid: Option<&str>) -> Option<Vec<&'a SeriesEntry>> {
+    let mut named: Vec<_> = series.iter().filter(|entry| uid.is_none_or(|uid| entry.is_named(uid))).collect();
+    let first = named.first()?.identity();
+    let number = |entry: &SeriesEntry| entry.phase.map(|phase| phase.number);
+    let is_phase =
+        |entry: &&SeriesEntry| number(entry).is_some() && first.is_of_same_region(&entry.identity());
+    if named.len() < 2 || !named.iter().all(is_phase) {
+        return None;
+    }
+    named.sort_by_key(|entry| number(entry));
+    Some(named)
 }
 
 /// The lines that list series in a message.

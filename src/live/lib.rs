@@ -29,8 +29,8 @@ pub use header::{FIELDS, FLAGS, Field, FrameError, FrameHeader, HEADER_BYTES, MA
 pub use messages::{
     Accept, Ack, AnnotationsMessage, ClientMessage, ColorFormats, ErrorMessage, Eyes, Formats, Hello,
     IntentMessage, MAX_TEXT_BYTES, MessageError, MessageFault, NextLabel, NoFormat, OrbitPose, OutsideDepth,
-    Peers, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget, SnapTo,
-    SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
+    Peers, Play, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget,
+    SnapTo, SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
 
 pub use interaction::{

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use relief_annotation::SnapFeature;
 use relief_display::{ContentType, DepthFilter, Layout, MAX_VIEWS, ProfileName};
 use relief_exchange::Format;
-use relief_render::{Classification, DepthRule, Edges, Lighting, Mode, Overlays, SlabBlend};
+use relief_render::{Classification, CutFaces, DepthRule, Edges, Lighting, Mode, Overlays, SlabBlend};
 use relief_volume::{NamedPlane, PresetGroup, WindowMap};
 
 /// The description without its closed sets.
@@ -83,6 +83,7 @@ fn values(set: &str) -> Option<Vec<String>> {
             Format::ALL.into_iter().filter(|format| format.can_write()).map(|f| f.name().to_owned()).collect()
         }
         "classifications" => names(&Classification::ALL, Classification::name),
+        "cuts" => CutFaces::NAMES.map(str::to_owned).to_vec(),
         "contents" => names(&ContentType::ALL, ContentType::name),
         "depth-filters" => names(&DepthFilter::ALL, DepthFilter::name),
         "depth-rules" => DepthRule::TABLE.iter().map(|entry| entry.name.to_owned()).collect(),
@@ -182,6 +183,7 @@ mod tests {
         for (name, default) in [
             ("mode", json!(Mode::Composite.name())),
             ("classification", json!(Classification::default().name())),
+            ("cut", json!(CutFaces::default().name())),
             ("quality", json!(Quality::default().name())),
             ("depth_rule", json!(DepthRule::default().name())),
             ("depth_filter", json!(display.depth_filter.name())),

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 92] = [
+const FILES: [(&str, &str, &str); 93] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -66,6 +66,7 @@ const FILES: [(&str, &str, &str); 92] = [
     ("/crop.css", STYLE, include_str!("page/crop.css")),
     ("/volumes.css", STYLE, include_str!("page/volumes.css")),
     ("/crop.js", SCRIPT, include_str!("page/crop.js")),
+    ("/phases.js", SCRIPT, include_str!("page/phases.js")),
     ("/planes.js", SCRIPT, include_str!("page/planes.js")),
     ("/thumbnails.js", SCRIPT, include_str!("page/thumbnails.js")),
     ("/volumes.js", SCRIPT, include_str!("page/volumes.js")),

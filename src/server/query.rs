@@ -81,6 +81,7 @@ const PARAMETERS: &[Parameter] = &[
     to("window", ParameterType::Numbers(2), Target::Window),
     key("mode", ParameterType::Text, "mode"),
     key("classification", ParameterType::Text, "classification"),
+    key("cut", ParameterType::Text, "cut"),
     key("iso_hu", ParameterType::Number, "iso_hu"),
     key("passes", ParameterType::Whole(1), "path_trace.passes"),
     key("seed", ParameterType::Whole(1), "path_trace.seed"),

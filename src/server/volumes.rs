@@ -45,6 +45,11 @@ pub(super) fn describe(entry: &VolumeEntry) -> Value {
         },
         "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],
         "hu_range": [low, high],
+        "phase": entry.phase().map(|phase| json!({
+            "number": phase.number,
+            "count": phase.count,
+            "series": entry.region.short(),
+        })),
         "segments": entry.labels.as_deref().map(segments),
         "warnings": entry.warnings.len(),
         "reading_warnings": reading_warnings(&entry.warnings),

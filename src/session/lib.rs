@@ -41,7 +41,7 @@ pub use label_maps::{LabelsError, PlacedLabels, load_labels, most_label_voxels};
 pub use live::{
     Delays, DrawableSource, DrawablesWanted, Echo, EditContext, Effect, EncodedParts, EyeViews, Flow,
     HeldPoint, LiveError, OpenError, Outcome, Pace, Presentation, USUAL_QUALITY, View, ViewFrame, Viewer,
-    Views, micros, search_preview,
+    Views, find_phase, micros, search_preview,
 };
 pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};

@@ -10,6 +10,7 @@ mod annotate;
 use crate::common;
 mod hands;
 mod identity;
+mod phases;
 mod readers;
 mod safety;
 mod views;

@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 use tokio::sync::oneshot;
 
 use crate::labels;
-use crate::serve::series::{InProcess, SeriesReader};
+use crate::serve::series::{self, InProcess, SeriesReader};
 use crate::source::SeriesOptions;
 use relief_batch::{Copies, Local, Location};
 use relief_render::VolumeLimits;
@@ -199,7 +199,10 @@ impl Loading<'_> {
     fn place(&self, place: &SeriesLocation) -> anyhow::Result<usize> {
         let Some((_, _, count)) = place.among else {
             let local = self.loader.copies.local(&place.path)?;
-            return self.series(place, &local, &self.loader.options).map(|()| 1);
+            return match self.series(place, &local, &self.loader.options) {
+                Ok(()) => Ok(1),
+                Err(error) => self.phases(place, &local, error),
+            };
         };
         let local = match self.loader.copies.local(&place.path) {
             // Nothing there, or more than copies may have: the others are served all the same.
@@ -227,6 +230,20 @@ impl Loading<'_> {
             }
         }
         Ok(added)
+    }
+
+    /// Adds the phases of a series, where it could not be read because it has several.
+    fn phases(&self, place: &SeriesLocation, local: &Local, error: anyhow::Error) -> anyhow::Result<usize> {
+        let is_several = error
+            .chain()
+            .any(|cause| matches!(cause.downcast_ref(), Some(relief_dicom::Error::SeveralSeries { .. })));
+        if !is_several {
+            return Err(error);
+        }
+        let Some(phases) = series::phases(local.path(), &self.loader.options)? else { return Err(error) };
+        self.server.expect_volumes(phases.len() - 1);
+        phases.iter().try_for_each(|options| self.series(place, local, options))?;
+        Ok(phases.len())
     }
 
     /// Adds the series of a folder that was received. If it was served before, it has grown, and

@@ -68,6 +68,17 @@ impl SeriesReader for InProcess {
     }
 }
 
+/// The phases of a series of this machine, each by the options that choose it; `None` where the
+/// options leave more than the phases of one region.
+pub(super) fn phases(path: &Path, options: &SeriesOptions) -> anyhow::Result<Option<Vec<SeriesOptions>>> {
+    let found = relief_dicom::discover(path, Strictness::Lenient, &|_| ())?;
+    let phases = found.phases(options.series_uid.as_deref());
+    let chosen = |phases: Vec<&relief_dicom::SeriesEntry>| {
+        phases.into_iter().map(|phase| with_uid(options, phase.uid())).collect()
+    };
+    Ok(phases.map(chosen))
+}
+
 fn with_uid(options: &SeriesOptions, uid: &str) -> SeriesOptions {
     SeriesOptions { series_uid: Some(uid.to_owned()), phase: None, ..options.clone() }
 }

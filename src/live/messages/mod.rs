@@ -25,7 +25,7 @@ pub use server::{
     AnnotationsMessage, ErrorMessage, NextLabel, OutsideDepth, Peers, ServerMessage, SnappedPlace,
     StateMessage, TrackingMessage, Welcome,
 };
-pub use settings::{Quality, Settings, SnapTarget, SnapTo};
+pub use settings::{Play, Quality, Settings, SnapTarget, SnapTo};
 
 /// Most bytes of a message of either side that is text.
 pub const MAX_TEXT_BYTES: usize = 64 << 10;

@@ -101,6 +101,9 @@ pub struct StateMessage {
     pub state: ViewRecord,
     /// Id of its volume.
     pub volume: String,
+    /// Phases per second while the phases of the volume's series play.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phases_per_s: Option<f64>,
     /// The position where snapping would place the landmark.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snapped: Option<SnappedPlace>,

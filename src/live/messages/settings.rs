@@ -31,6 +31,13 @@ pub struct Settings {
     /// Another volume, by its id.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<String>,
+    /// A phase of the volume's series, by its number; the camera stays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<usize>,
+    /// Whether the phases of the volume's series are shown one after the other: `false`, or their
+    /// number per second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub play: Option<Play>,
     /// The time budget of a picture while the view moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<Quality>,
@@ -83,6 +90,58 @@ impl<'de> Deserialize<'de> for SnapTo {
                 SnapTarget::deserialize(object).map(Self::Target).map_err(D::Error::custom)
             }
             _ => Err(D::Error::custom("expected false or {\"to\": a kind of place}")),
+        }
+    }
+}
+
+/// How the phases of a series play.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Play {
+    /// They do not.
+    Stopped,
+    /// One after the other, the first behind the last.
+    Phases {
+        /// Phases per second; see [`Play::PER_S`]. A slower renderer leaves phases out.
+        per_s: f64,
+    },
+}
+
+impl Play {
+    /// Phases per second that can be shown.
+    pub const PER_S: std::ops::RangeInclusive<f64> = 0.1..=60.0;
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhasesFile {
+    phases_per_s: f64,
+}
+
+impl Serialize for Play {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Stopped => serializer.serialize_bool(false),
+            Self::Phases { per_s } => PhasesFile { phases_per_s: per_s }.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Play {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        use serde::de::Error;
+        match Value::deserialize(deserializer)? {
+            Value::Bool(false) => Ok(Self::Stopped),
+            object @ Value::Object(_) => {
+                let PhasesFile { phases_per_s } =
+                    PhasesFile::deserialize(object).map_err(D::Error::custom)?;
+                if !Self::PER_S.contains(&phases_per_s) {
+                    let (low, high) = (Self::PER_S.start(), Self::PER_S.end());
+                    let found = format!("phases_per_s is {phases_per_s}, allowed: {low} to {high}");
+                    return Err(D::Error::custom(found));
+                }
+                Ok(Self::Phases { per_s: phases_per_s })
+            }
+            _ => Err(D::Error::custom("expected false or {\"phases_per_s\": 0.1 to 60}")),
         }
     }
 }

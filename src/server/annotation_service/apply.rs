@@ -11,7 +11,7 @@ use super::service::{Annotations, Turn};
 use super::snapshots::Snapshot;
 use super::visible::Visible;
 use crate::problem::Problem;
-use relief_annotation::{Change, Edit, Event, FrameOfReference, Item, ItemId, Set, Timestamp, Versioned};
+use relief_annotation::{Change, Edit, Event, Item, ItemId, Set, Timestamp, Versioned};
 use relief_session::VolumeEntry;
 use relief_store::{LogFilter, StoreError};
 
@@ -37,7 +37,7 @@ impl Annotations {
         self.expect_none_elsewhere(&snapshot, &changes).await?;
         let visible = Visible::new(&snapshot.sets, Some(author));
         let completed =
-            changes.into_iter().map(|change| complete(change, &snapshot, &visible, author, &frame));
+            changes.into_iter().map(|change| complete(change, &snapshot, &visible, author, entry));
         let changes = completed.collect::<Result<_, _>>()?;
         let edit = Edit { author: author.to_owned(), reason: reason.to_owned(), changes };
         let events = self.store.apply(&edit).await?;
@@ -171,8 +171,10 @@ fn complete(
     snapshot: &Snapshot,
     visible: &Visible<'_>,
     author: &str,
-    frame: &FrameOfReference,
+    entry: &VolumeEntry,
 ) -> Result<Change, Problem> {
+    let frame = entry.frame_of_reference();
+    let phase = entry.phase().and_then(|phase| u32::try_from(phase.number).ok());
     let seen = |id: ItemId| -> Result<&Arc<Versioned>, Problem> {
         let known = snapshot.get(id).filter(|known| visible.sees(&known.item.set));
         let known = known.ok_or_else(|| no_such_item(&id))?;
@@ -183,7 +185,8 @@ fn complete(
             visible.expect_writable(&item.set)?;
             item.author = author.to_owned();
             item.created = Timestamp::now();
-            item.frame_of_reference = Some(frame.clone());
+            item.frame_of_reference = Some(frame);
+            item.phase = phase;
             Change::Create { item }
         }
         Change::Update { mut item, version } => {
@@ -191,13 +194,16 @@ fn complete(
                 Ok(known) => {
                     item.author.clone_from(&known.item.author);
                     item.created = known.item.created;
+                    // A place belongs to the phase in which it was chosen.
+                    let is_moved = item.geometry != known.item.geometry;
+                    item.phase = if is_moved { phase } else { known.item.phase };
                 }
                 // Gone since the author saw it: the store knows, and answers with both versions.
                 Err(_) if version > 0 && snapshot.get(item.id).is_none() => {}
                 Err(problem) => return Err(problem),
             }
             visible.expect_writable(&item.set)?;
-            item.frame_of_reference = Some(frame.clone());
+            item.frame_of_reference = Some(frame);
             Change::Update { item, version }
         }
         Change::Delete { id, version } => {

@@ -43,7 +43,9 @@ impl Annotations {
     ) -> Result<Drawables, Problem> {
         let snapshot = self.snapshot(&entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, author);
-        let is_drawn = |item: &Item| shown.has(&item.set) && visible.sees(&item.set);
+        let phase = entry.phase().and_then(|phase| u32::try_from(phase.number).ok());
+        let is_drawn =
+            |item: &Item| shown.has(&item.set) && visible.sees(&item.set) && item.is_in_phase(phase);
         let items: Vec<&Item> =
             snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
         let shapes = self.shapes(&items).await?;

@@ -33,7 +33,7 @@ use relief_live::{
     MessageError, MessageFault, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
 };
 use relief_session::{
-    Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, micros, search_preview,
+    Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, find_phase, micros, search_preview,
 };
 
 /// Refused messages that end a connection.
@@ -289,7 +289,12 @@ impl Connected {
     }
 
     fn settings(&self, settings: &Settings, now: Instant) -> Result<(), Problem> {
-        let entry = settings.volume.as_ref().map(|id| self.parts.engine.volumes.find(id)).transpose()?;
+        let volumes = &self.parts.engine.volumes;
+        let mut entry = settings.volume.as_ref().map(|id| volumes.find(id)).transpose()?;
+        if let Some(number) = settings.phase {
+            let of = entry.unwrap_or_else(|| self.session.view.entry());
+            entry = Some(find_phase(volumes, &of, number)?);
+        }
         expect_annotations(&self.parts, Some(settings))?;
         self.session.view.configure(settings, entry.as_ref(), self.session.author.as_deref(), now)?;
         match settings.grab_mode {

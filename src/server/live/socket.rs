@@ -29,7 +29,7 @@ use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
-use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError};
+use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError, find_phase};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -172,6 +172,14 @@ fn open(
     let mut settings = hello.settings.clone().unwrap_or_default();
     settings.size_px = settings.size_px.or(hello.size_px);
     let known = hello.view.as_ref().and_then(|name| parts.live.views.find(name));
+    let entry = match settings.phase {
+        Some(number) => {
+            let volumes = &parts.engine.volumes;
+            let of = entry.or_else(|| known.as_ref().map(|view| view.entry()));
+            Some(find_phase(volumes, &of.map_or_else(|| volumes.first(), Ok)?, number)?)
+        }
+        None => entry,
+    };
     let view = if let Some(view) = known {
         if hello.role == Role::Presenter && (settings != Settings::default() || entry.is_some()) {
             view.configure(&settings, entry.as_ref(), author, now)?;

@@ -3,7 +3,7 @@
 import { recall, remember } from "./address.js";
 import { showArchives } from "./archives.js";
 import { Cine } from "./cine.js";
-import { Crop } from "./crop.js";
+import { Crop, describeFaces } from "./crop.js";
 import { Planes } from "./planes.js";
 import { VolumeMenu } from "./volumes.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
@@ -15,6 +15,7 @@ import { spacingWords } from "./lengths.js";
 import { describeLight, fillLights, onLight } from "./light.js";
 import { notify, showFailure } from "./notice.js";
 import { fitOf, normalized, shifted, zoomedAt } from "./orbit.js";
+import { Phases, arePhases } from "./phases.js";
 import { Picks } from "./picks.js";
 import { PresetGrid } from "./presets.js";
 import { Preview } from "./preview.js";
@@ -42,6 +43,8 @@ const cine = new Cine({
   next: () => setSlice((slice) => advanced(slice, state.volume)),
 });
 
+const phases = new Phases({ show: showPhase, rest: refresh });
+
 const crop = new Crop({
   panel: $("crop-sides"), layer: $("crop-layer"), group: $("crop-group"), state, shown: () => stage.shown, changed: setCrop,
 });
@@ -58,6 +61,7 @@ function drawn() {
   crop.draw();
   planes.draw();
   cine.shown();
+  phases.cine.shown();
 }
 
 function asked() {
@@ -181,6 +185,7 @@ function describePreset() {
   $("mode").value = mode;
   describeSurface(state);
   describeLight(state);
+  describeFaces(state);
   grid.choose(index);
   $("purpose").textContent = purpose;
 }
@@ -213,6 +218,7 @@ onKeys({
   },
   cine() {
     if (slicing()) cine.toggle();
+    else if (phases.exist) phases.cine.toggle();
   },
   nextPlane() {
     const planes = ["", ...Object.keys(PLANES)];
@@ -246,6 +252,7 @@ panel.addEventListener("change", ({ target }) => {
   } else return;
   describeSurface(state);
   describeLight(state);
+  describeFaces(state);
   refresh();
 });
 onSurface(state, () => refresh({ moving: true }));
@@ -286,14 +293,16 @@ function showState() {
   grid.choose(chosen);
   $("purpose").textContent = presets[chosen].purpose;
   $("table").checked = state.table === "keep";
-  $("crop-group").open = state.crop !== null || state.planes.length > 0 || state.table === "keep";
+  $("crop-group").open = state.crop !== null || state.planes.length > 0 || state.table === "keep" || state.faces === "slice";
   describeSurface(state);
   describeLight(state);
+  describeFaces(state);
   describeHeader();
   describe();
 }
 
 $("table").addEventListener("change", ({ target }) => setCrop({ table: target.checked ? "keep" : "remove" }));
+$("cut-slice").addEventListener("change", ({ target }) => setCrop({ faces: target.checked ? "slice" : "lit" }));
 $("crop-reset").addEventListener("click", () => {
   setCrop({ crop: null, planes: [] });
   planes.draw();
@@ -348,8 +357,26 @@ function facts(volume) {
   return [`${volume.dims.join(" × ")} voxels`, spacingWords(volume), `${low} to ${high} HU`].join(DOT);
 }
 
+/** Displays another phase of the series: everything else stays. */
+function showPhase(volume, moving) {
+  if (!volume) return;
+  state.volume = volume;
+  describeVolume(volume);
+  refresh({ moving });
+}
+
+function describeVolume(volume) {
+  $("series").textContent = identityOf(volume);
+  showWarnings($("series-warnings"), volume);
+  volumeMenu.choose(volume.id);
+  $("volume-facts").textContent = facts(volume);
+  phases.fill(volume, volumes);
+  picks.forget();
+}
+
 function showVolume(volume) {
   if (!volume) return;
+  if (stage.shown !== null && arePhases(volume, state.volume)) return showPhase(volume, false);
   const isUnlinked = linked !== null && linked !== volume.id;
   const isAnother = stage.shown !== null || isUnlinked;
   linked = null;
@@ -368,12 +395,9 @@ function showVolume(volume) {
   $("empty").hidden = true;
   $("missing").hidden = true;
   $("notice").hidden = true;
-  $("series").textContent = identityOf(volume);
-  showWarnings($("series-warnings"), volume);
+  phases.cine.stop();
   showSegments(volume, state.labels);
-  volumeMenu.choose(volume.id);
-  $("volume-facts").textContent = facts(volume);
-  picks.forget();
+  describeVolume(volume);
   refresh();
   grid.show(`/v1/volumes/${volume.id}`);
   if (!$("adapter").textContent) describeAdapter().catch(showFailure);
@@ -390,6 +414,7 @@ async function listVolumes() {
   volumes = listed.volumes;
   volumeMenu.fill(volumes);
   $("volume-field").hidden = volumes.length < 2;
+  if (state.volume) phases.fill(volumes.find(({ id }) => id === state.volume.id) ?? state.volume, volumes);
   if (state.volume) volumeMenu.choose(state.volume.id);
   return listed.loading;
 }

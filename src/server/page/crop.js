@@ -1,9 +1,10 @@
 // Crop: the visible part of the volume, a box with a slider and a handle for each side, and clip
-// planes; and the visibility of the table.
+// planes; the visibility of the table; and how cut faces look.
 //
 // Patient coordinates (LPS), mm. A box is its lowest and its highest corner; null is the whole
 // volume.
 
+import { $ } from "./state.js";
 import { decimalsOf, placeWords, stepIn } from "./lengths.js";
 import { keptPlanes, planesQuery, recalledPlanes } from "./planes.js";
 import { Projection } from "./projection.js";
@@ -21,25 +22,39 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 export function cropQuery(state) {
   const { crop, volume } = state;
   const box = crop ? { clip_box_mm: crop.flat().map((mm) => mm.toFixed(decimalsOf(volume))).join(",") } : {};
-  return { ...box, ...planesQuery(state), ...tableQuery(state) };
+  return { ...box, ...planesQuery(state), ...tableQuery(state), ...facesQuery(state) };
+}
+
+/** Whether a mode has cut faces that can be painted. */
+const paintsFaces = (mode) => mode === "composite";
+
+/** Query parameters of cut faces: none in modes that do not paint them. */
+const facesQuery = ({ faces, mode }) => (faces === "slice" && paintsFaces(mode) ? { cut: faces } : {});
+
+/** Updates the control of cut faces. */
+export function describeFaces({ faces, mode }) {
+  $("cut-slice-field").hidden = !paintsFaces(mode);
+  $("cut-slice").checked = faces === "slice";
 }
 
 /** Query parameters of the table: pictures show it, or leave it out and outline it in slices. */
 export const tableQuery = ({ table }) => (table === "keep" ? { table } : {});
 
-/** The part of the address for the crop box, the planes and the table; defaults are left out. */
+/** The part of the address for the crop box, the planes, the table and cut faces; defaults are left out. */
 export function keptCrop(state) {
   const { crop, volume } = state;
   const box = crop ? { crop: crop.flat().map((mm) => mm.toFixed(decimalsOf(volume))).join(",") } : {};
-  return { ...box, ...keptPlanes(state), ...tableQuery(state) };
+  const faces = state.faces === "slice" ? { faces: "slice" } : {};
+  return { ...box, ...keptPlanes(state), ...tableQuery(state), ...faces };
 }
 
-/** Reads box, planes and table from an address. */
+/** Reads box, planes, table and cut faces from an address. */
 export function recalledCrop(words) {
   const mm = (words.get("crop") ?? "").split(",").map(Number);
   const isBox = words.get("crop") && mm.length === 6 && mm.every(Number.isFinite) && [0, 1, 2].every((i) => mm[i] < mm[i + 3]);
   const table = words.get("table") === "keep" ? "keep" : "remove";
-  return { crop: isBox ? [mm.slice(0, 3), mm.slice(3)] : null, planes: recalledPlanes(words), table };
+  const faces = words.get("faces") === "slice" ? "slice" : "lit";
+  return { crop: isBox ? [mm.slice(0, 3), mm.slice(3)] : null, planes: recalledPlanes(words), table, faces };
 }
 
 /** The box with a side moved to `mm`, within the volume; null if it is the whole volume again. */

@@ -28,6 +28,8 @@ export const state = {
   planes: [],
   /** Whether the table is shown: "keep" or "remove". */
   table: "remove",
+  /** How cut faces look: "lit" or "slice". */
+  faces: "lit",
   fieldOfView: 22,
   view: "picture",
   layout: "wowvx",

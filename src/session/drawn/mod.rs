@@ -31,6 +31,7 @@ use relief_base::{Patient, Point, Vector};
 use relief_display::DisplaySettings;
 use relief_render::{
     Curve, Landmark, Line, Mesh, Mode, OverlayItem, Overlays, Radius, RenderRequest, depth_limits,
+    length_words,
 };
 use relief_volume::Grid;
 use slice::{Cut, between};
@@ -277,6 +278,7 @@ fn label(name: &str, geometry: &Geometry) -> String {
     };
     let label = match measured.first() {
         Some(measure) if measure.unit == "deg" => format!("{name} {:.1}°", measure.value),
+        Some(measure) if measure.unit == "mm" => format!("{name} {}", length_words(measure.value)),
         Some(measure) => format!("{name} {:.1} {}", measure.value, measure.unit),
         None => name.to_owned(),
     };

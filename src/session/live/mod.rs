@@ -34,5 +34,6 @@ pub use presentation::Presentation;
 pub use preview_search::search_preview;
 pub use render_loop::DrawableSource;
 pub use view::View;
+pub use view::phases::find_phase;
 pub use viewer::{Flow, Viewer};
 pub use views::{OpenError, Views};

@@ -16,10 +16,10 @@ use crate::volumes::VolumeEntry;
 use relief_annotation::{ShownSets, Snap, SnapFeature};
 use relief_base::OutOfRange;
 use relief_display::DisplaySettings;
-use relief_live::{Home, LiveLayout, Quality, Settings, SnapTo, Stage, ViewState};
+use relief_live::{Home, LiveLayout, Play, Quality, Settings, SnapTo, Stage, ViewState};
 use relief_render::{
     Clip, ClipPlane, FramingRule, Landmark, Line, Mode, OverlayItem, Overlays, Radius, RenderRequest, Scene,
-    SceneError, SceneFile, depth_limits,
+    SceneError, SceneFile, depth_limits, length_words,
 };
 use relief_volume::{Camera, Orbit, PRESETS, preset};
 
@@ -43,6 +43,8 @@ pub struct Presentation {
     pub(super) entry: Arc<VolumeEntry>,
     pub(super) stage: Stage,
     pub(super) quality: Quality,
+    /// Phases of the volume's series that are shown per second, one after the other.
+    pub(super) play: Option<f64>,
     /// `None` when the scene has its own transfer function.
     pub(super) preset: Option<String>,
     patch: Map<String, Value>,
@@ -79,6 +81,7 @@ impl Presentation {
             entry,
             stage,
             quality,
+            play: None,
             preset,
             patch,
             display,
@@ -123,6 +126,7 @@ impl Presentation {
         if let Some(entry) = entry {
             next.take_volume(entry);
         }
+        next.take_play(settings.play)?;
         if settings.preset.is_some() {
             drop_reflection(&mut next.patch); // that of this message stays
         }
@@ -161,6 +165,20 @@ impl Presentation {
         next.resolved()
     }
 
+    fn take_play(&mut self, play: Option<Play>) -> Result<(), OutOfRange> {
+        self.play = match play {
+            Some(Play::Phases { per_s }) => Some(per_s),
+            Some(Play::Stopped) => None,
+            // Another series does not play by itself.
+            None => self.play.filter(|_| self.entry.phase().is_some()),
+        };
+        if self.play.is_none() || self.entry.phase().is_some() {
+            return Ok(());
+        }
+        let allowed = "false: the volume is no phase of a series";
+        Err(OutOfRange::new("settings.play", "phases", allowed))
+    }
+
     fn take_volume(&mut self, entry: Arc<VolumeEntry>) {
         if entry.id != self.entry.id {
             self.drawables = Drawables::default();
@@ -170,6 +188,16 @@ impl Presentation {
             self.preset = Some(entry.anatomy.preset().name.to_owned());
         }
         self.entry = entry;
+    }
+
+    /// The presentation with another phase of its series.
+    ///
+    /// # Errors
+    /// When the scene is invalid for it.
+    pub(super) fn with_phase(&self, phase: Arc<VolumeEntry>) -> Result<Self, LiveError> {
+        let mut next = self.clone();
+        next.take_volume(phase);
+        next.resolved()
     }
 
     /// The presentation with this preset.
@@ -261,7 +289,7 @@ impl Presentation {
 
 /// The preview of snapping: a line from the cursor to a ball, which is labelled with the distance.
 fn ghost_marks(Ghost { from, at }: Ghost, radius: Radius) -> [OverlayItem; 2] {
-    let label = Some(format!("{:.1} mm", from.distance(at)).into());
+    let label = Some(length_words(from.distance(at)).into());
     [
         OverlayItem::Line(Line { ends: [from, at], width_px: GHOST_WIDTH_PX, rgb: GHOST_RGB }),
         OverlayItem::Landmark(Landmark { at, radius, rgb: GHOST_RGB, label }),

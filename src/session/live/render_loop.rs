@@ -49,7 +49,12 @@ pub(super) async fn run(
 ) {
     // Until this time, the view waited for the renderer or for a viewer.
     let mut blocked_until = Instant::now();
+    let mut reading = None;
     loop {
+        let due = view.play(|shown| engine.volumes.phases_of(shown), Instant::now());
+        if due.is_some() {
+            read_ahead(&engine, &view, &mut reading);
+        }
         if let Some(source) = &drawables {
             annotate(&**source, &view).await;
         }
@@ -63,9 +68,13 @@ pub(super) async fn run(
                 view.work.notified().await;
                 blocked_until = Instant::now();
             }
-            NextStep::Idle(None) => view.work.notified().await,
-            NextStep::Idle(Some(until)) => {
-                let _ = tokio::time::timeout_at(until.into(), view.work.notified()).await;
+            NextStep::Idle(until) => {
+                match until.into_iter().chain(due).min() {
+                    None => view.work.notified().await,
+                    Some(until) => {
+                        let _ = tokio::time::timeout_at(until.into(), view.work.notified()).await;
+                    }
+                }
                 if view.is_abandoned(Instant::now(), Duration::ZERO) {
                     view.drop_frames();
                 }
@@ -82,6 +91,20 @@ pub(super) async fn run(
             return;
         }
     }
+}
+
+/// Reads the next phase while one is shown, where its voxels are not in memory. One read at a time.
+fn read_ahead(engine: &Arc<Engine>, view: &View, reading: &mut Option<tokio::task::JoinHandle<()>>) {
+    if reading.as_ref().is_some_and(|reading| !reading.is_finished()) {
+        return;
+    }
+    let next = view.next_phase(|shown| engine.volumes.phases_of(shown));
+    let Some(next) = next.filter(|next| !next.is_in_memory()) else { return };
+    let engine = Arc::clone(engine);
+    *reading = Some(tokio::spawn(async move {
+        // The picture of that phase reports a failure.
+        let _ = engine.voxels(&next).await;
+    }));
 }
 
 /// Reads the annotations of a view again after they have changed.
@@ -133,7 +156,7 @@ fn view_frame(
     waiting: Duration,
 ) -> Result<ViewFrame, LiveError> {
     let frame = Arc::clone(&rendered.frame);
-    let limits = view.limits.lock().of(job.entry.hash, &job.display, &frame, job.activity)?;
+    let limits = view.limits.lock().of(job.entry.region, &job.display, &frame, job.activity)?;
     let state = StateMessage { outside: outside_depth(&job.request, limits), ..job.state.clone() };
     Ok(ViewFrame {
         number: job.number,

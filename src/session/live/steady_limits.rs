@@ -2,7 +2,7 @@
 //!
 //! Limits that follow every frame exactly would make the relief breathe while the camera moves. Small
 //! changes are left out, larger ones take up to a second; a view at rest has its exact limits. While
-//! something is placed, they stay.
+//! something is placed, they stay. While phases play, they only widen: all phases have one range.
 
 use std::time::Instant;
 
@@ -22,14 +22,17 @@ pub(super) enum Activity {
     Moving,
     Still,
     Placing,
+    /// Phases play, and nothing else changes.
+    Playing,
 }
 
 impl Activity {
-    pub(super) fn of(is_still: bool, is_placing: bool) -> Self {
-        match (is_placing, is_still) {
-            (true, _) => Self::Placing,
-            (false, true) => Self::Still,
-            (false, false) => Self::Moving,
+    pub(super) fn of(is_still: bool, is_placing: bool, plays: bool) -> Self {
+        match (is_placing, plays, is_still) {
+            (true, ..) => Self::Placing,
+            (false, true, _) => Self::Playing,
+            (false, false, true) => Self::Still,
+            (false, false, false) => Self::Moving,
         }
     }
 }
@@ -42,7 +45,7 @@ pub(super) struct SteadyLimits {
 }
 
 impl SteadyLimits {
-    /// The limits of a job's frame, which is of this volume.
+    /// The limits of a job's frame, which is of this volume; phases of one region count as one.
     ///
     /// # Errors
     /// When the limits of the display settings contradict each other.
@@ -64,6 +67,11 @@ impl SteadyLimits {
         let limits = match (self.shown, activity) {
             (None, _) | (_, Activity::Still) => target,
             (Some((shown, _)), Activity::Placing) => shown,
+            // Those of all phases, once each was shown.
+            (Some((shown, _)), Activity::Playing) => DepthLimits {
+                near_mm: shown.near_mm.min(target.near_mm),
+                far_mm: shown.far_mm.max(target.far_mm),
+            },
             (Some((shown, since)), Activity::Moving) => {
                 let extent = shown.far_mm - shown.near_mm;
                 let most = extent * EXTENTS_PER_S * now.saturating_duration_since(since).as_secs_f64();
@@ -109,5 +117,7 @@ mod tests {
         );
         assert_eq!(steady.next(limits(300.0, 702.0), Activity::Placing, at(90)), limits(492.0, 702.0));
         assert_eq!(steady.next(limits(300.0, 702.0), Activity::Still, at(99)), limits(300.0, 702.0));
+        assert_eq!(steady.next(limits(310.0, 690.0), Activity::Playing, at(199)), limits(300.0, 702.0));
+        assert_eq!(steady.next(limits(290.0, 710.0), Activity::Playing, at(299)), limits(290.0, 710.0));
     }
 }

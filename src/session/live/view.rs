@@ -6,6 +6,7 @@
 
 mod configure;
 mod ending;
+pub(super) mod phases;
 mod schedule;
 
 use std::sync::Arc;
@@ -66,6 +67,10 @@ struct Inner {
     /// Counts the changes of the picture.
     revision: u64,
     motion: Motion,
+    /// When it changed last other than by playing phases.
+    moved: Instant,
+    /// When the phase that is shown was due, while phases play.
+    stepped: Instant,
     viewers: Vec<Arc<Viewer>>,
     /// When the last viewer left.
     idle_since: Instant,
@@ -107,6 +112,8 @@ impl View {
             camera: None,
             revision: 1,
             motion: Motion::new(now),
+            moved: now,
+            stepped: now,
             viewers: Vec::new(),
             idle_since: now,
             was_joined: false,
@@ -272,7 +279,7 @@ impl View {
         if entry.id == wanted.entry.id && *shown == wanted.shown && *shown_to == wanted.author {
             inner.drawn_revision = Some(revision);
             inner.presentation.set_drawables(drawables);
-            inner.changed(now);
+            inner.renewed(now);
         }
     }
 
@@ -361,6 +368,12 @@ impl View {
 
 impl Inner {
     fn changed(&mut self, now: Instant) {
+        self.moved = now;
+        self.renewed(now);
+    }
+
+    /// A change of the picture that nobody made by hand.
+    fn renewed(&mut self, now: Instant) {
         self.motion.changed(now);
         self.revision += 1;
     }

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::voxels::{VolumeReader, Voxels};
 use relief_annotation::FrameOfReference;
-use relief_dicom::{SeriesIdentity, SeriesReference, WarningCode};
-use relief_render::{Subject, SubjectContent, framing_of_tissue};
-use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Volume};
+use relief_dicom::{Phase, SeriesIdentity, SeriesReference, WarningCode};
+use relief_render::{Subject, SubjectContent, framing_of_tissue, name_of, with_hash};
+use relief_volume::{Anatomy, ContentHash, Framing, Grid, LabelMap, Occupancy, Table, Volume};
 
 /// A volume as its reader returns it.
 #[derive(Clone, Debug)]
@@ -44,7 +44,8 @@ pub(super) enum Owner {
 /// A volume of the registry. Its voxels may be out of memory (see [`crate::Engine::voxels`]).
 #[derive(Clone, Debug)]
 pub struct VolumeEntry {
-    /// First 16 hexadecimal digits of the content hash.
+    /// First 16 hexadecimal digits of the content hash; of a phase with the voxels of another one those
+    /// of [`ContentHash::of_phase`].
     pub id: String,
     /// Voxel grid in patient mm.
     pub grid: Grid,
@@ -73,31 +74,54 @@ pub struct VolumeEntry {
     pub(super) description: Option<String>,
     /// Label map on the grid of the volume.
     pub labels: Option<Arc<LabelMap>>,
+    /// Its name and the beginning of its hash, for captions.
+    pub(super) caption: String,
+    /// The volume whose phases this one is among: the first of them that was read, or itself.
+    pub region: ContentHash,
+    /// The table of the volume, for later phases of its series.
+    pub(super) table: Option<Arc<Table>>,
     /// Whether the operator gave the label map: uploads do not replace it.
     pub(super) has_own_labels: bool,
 }
 
 impl VolumeEntry {
+    /// The entry of a volume. The other phases of its region, `siblings`, share one framing and one
+    /// table on one grid.
     pub(super) fn new(
         loaded: LoadedVolume,
         owner: Owner,
         reader: Option<VolumeReader>,
         names: NameSource,
+        siblings: &[Arc<Self>],
     ) -> Arc<Self> {
         let LoadedVolume { volume, warnings, identity, reference, labels } = loaded;
+        let sibling = siblings.iter().find(|sibling| sibling.grid == *volume.grid());
+        let (volume, reader) = match sibling {
+            Some(sibling) => {
+                let table = &sibling.table;
+                (volume.with_table(table.clone()), reader.map(|reader| reading_on(reader, table.clone())))
+            }
+            None => (volume, reader),
+        };
         let (grid, hash, range_hu) = (volume.grid().clone(), volume.content_hash(), volume.range_hu());
         let shown = volume.without_table();
         let has_copy = shown.content_hash() != hash;
-        let occupancy = Arc::clone(shown.occupancy());
-        let framing = framing_of_tissue(&occupancy, &grid);
-        let anatomy = shown.anatomy();
+        let (occupancy, framing, anatomy) = match sibling {
+            Some(sibling) => (Arc::clone(&sibling.occupancy), sibling.framing.clone(), sibling.anatomy),
+            None => {
+                let occupancy = Arc::clone(shown.occupancy());
+                let framing = framing_of_tissue(&occupancy, &grid);
+                (occupancy, framing, shown.anatomy())
+            }
+        };
+        let table = volume.table().cloned();
         let voxels = Arc::new(Voxels::new(volume, reader));
-        let id = hash.short();
+        let id = id_of(hash, identity.as_ref(), siblings);
         let description = reference.as_deref().map(SeriesReference::description);
         let description = description.filter(|text| names == NameSource::Description && !text.is_empty());
         let description = description.map(str::to_owned);
         let has_own_labels = owner == Owner::Operator && labels.is_some();
-        Arc::new(Self {
+        let mut entry = Self {
             id,
             grid,
             hash,
@@ -113,8 +137,13 @@ impl VolumeEntry {
             reference,
             description,
             labels,
+            region: sibling.map_or(hash, |sibling| sibling.region),
+            table,
+            caption: String::new(),
             has_own_labels,
-        })
+        };
+        entry.caption = with_hash(&entry.name(), hash);
+        Arc::new(entry)
     }
 
     /// The volume as scenes are resolved for it.
@@ -124,6 +153,7 @@ impl VolumeEntry {
             grid: &self.grid,
             content: self.content(Some(&self.occupancy)),
             labels: self.labels.as_ref(),
+            name: Some(&self.caption),
         }
     }
 
@@ -137,18 +167,35 @@ impl VolumeEntry {
         SubjectContent::Known { occupancy, tissue: &self.framing, anatomy: self.anatomy }
     }
 
+    /// Which phase of its series it is, where that shows one region several times.
+    #[must_use]
+    pub fn phase(&self) -> Option<Phase> {
+        self.identity.as_ref().and_then(SeriesIdentity::phase)
+    }
+
+    pub(super) fn is_phase_of(&self, identity: &SeriesIdentity) -> bool {
+        self.identity.as_ref().is_some_and(|own| own.is_of_same_region(identity))
+    }
+
+    /// Whether both are phases of one region, on one grid.
+    #[must_use]
+    pub fn is_phase_with(&self, other: &Self) -> bool {
+        let both = self.identity.as_ref().zip(other.identity.as_ref());
+        self.grid == other.grid && both.is_some_and(|(one, other)| one.is_of_same_region(other))
+    }
+
     /// Its name for people: the body part and the size. Descriptions of series may name patients;
     /// they take the body part's place where the operator shows them.
     #[must_use]
     pub fn name(&self) -> String {
-        let [nx, ny, nz] = self.grid.dims();
-        if let Some(description) = &self.description {
-            return format!("{description}, {nx} × {ny} × {nz}");
+        let phase = self.phase().map(|phase| format!(", {phase}")).unwrap_or_default();
+        match &self.description {
+            Some(description) => {
+                let [nx, ny, nz] = self.grid.dims();
+                format!("{description}, {nx} × {ny} × {nz}{phase}")
+            }
+            None => format!("{}{phase}", name_of(self.anatomy, &self.grid)),
         }
-        let mut part = self.anatomy.part.name().to_owned();
-        part[..1].make_ascii_uppercase();
-        let medium = if self.anatomy.has_contrast { " with contrast medium" } else { "" };
-        format!("{part}{medium}, {nx} × {ny} × {nz}")
     }
 
     /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a
@@ -157,6 +204,12 @@ impl VolumeEntry {
     pub fn frame_of_reference(&self) -> FrameOfReference {
         let of_series = self.identity.as_ref().and_then(SeriesIdentity::frame_of_reference);
         FrameOfReference::of(of_series, &self.id)
+    }
+
+    /// Whether its voxels are in memory.
+    #[must_use]
+    pub fn is_in_memory(&self) -> bool {
+        self.voxels.lock().is_some()
     }
 
     /// Bytes of the voxels.
@@ -185,5 +238,23 @@ impl VolumeEntry {
 
     pub(super) fn is_of_series(&self, study_uid: &str, series_uid: &str) -> bool {
         self.identity.as_ref().is_some_and(|identity| identity.is(study_uid, series_uid))
+    }
+}
+
+/// The reader of a volume that lies on this table.
+fn reading_on(reader: VolumeReader, table: Option<Arc<Table>>) -> VolumeReader {
+    Arc::new(move || Ok(reader()?.with_table(table.clone())))
+}
+
+/// The id of a volume: phases with equal voxels have different ones.
+fn id_of(hash: ContentHash, identity: Option<&SeriesIdentity>, siblings: &[Arc<VolumeEntry>]) -> String {
+    let phase = identity.and_then(SeriesIdentity::phase);
+    match phase {
+        Some(Phase { number, .. })
+            if siblings.iter().any(|known| known.hash == hash && known.phase() != phase) =>
+        {
+            hash.of_phase(number).short()
+        }
+        _ => hash.short(),
     }
 }

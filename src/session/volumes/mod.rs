@@ -116,7 +116,7 @@ impl Volumes {
         loaded: LoadedVolume,
         reader: Option<VolumeReader>,
     ) -> Result<Arc<VolumeEntry>, MemoryFull> {
-        let entry = VolumeEntry::new(loaded, Owner::Operator, reader, self.names); // hashes the voxels: not under the lock
+        let entry = self.entry(loaded, Owner::Operator, reader); // hashes the voxels: not under the lock
         let mut inner = self.inner.write();
         inner.entries.retain(|known| known.id != entry.id);
         self.push(&mut inner, &entry)?;
@@ -134,13 +134,35 @@ impl Volumes {
         loaded: LoadedVolume,
         reader: VolumeReader,
     ) -> Result<Arc<VolumeEntry>, MemoryFull> {
-        let entry = VolumeEntry::new(loaded, Owner::Operator, Some(reader), self.names);
+        let entry = self.entry(loaded, Owner::Operator, Some(reader));
         let mut inner = self.inner.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok(Arc::clone(known));
         }
         self.push(&mut inner, &entry)?;
         Ok(entry)
+    }
+
+    fn entry(&self, loaded: LoadedVolume, owner: Owner, reader: Option<VolumeReader>) -> Arc<VolumeEntry> {
+        let siblings = loaded.identity.as_ref().map_or_else(Vec::new, |identity| {
+            let inner = self.inner.read();
+            inner.entries.iter().filter(|known| known.is_phase_of(identity)).cloned().collect()
+        });
+        VolumeEntry::new(loaded, owner, reader, self.names, &siblings)
+    }
+
+    /// The phases of a volume's series that are here and have its grid, in their order; the volume
+    /// alone where it is no phase.
+    #[must_use]
+    pub fn phases_of(&self, entry: &Arc<VolumeEntry>) -> Vec<Arc<VolumeEntry>> {
+        if entry.phase().is_none() {
+            return vec![Arc::clone(entry)];
+        }
+        let inner = self.inner.read();
+        let is_phase = |known: &&Arc<VolumeEntry>| known.id == entry.id || known.is_phase_with(entry);
+        let mut phases: Vec<_> = inner.entries.iter().filter(is_phase).cloned().collect();
+        phases.sort_by_key(|phase| phase.phase().map(|phase| phase.number));
+        phases
     }
 
     fn push(&self, inner: &mut Inner, entry: &Arc<VolumeEntry>) -> Result<(), MemoryFull> {
@@ -159,7 +181,7 @@ impl Volumes {
         loaded: LoadedVolume,
         limits: UploadedVolumes,
     ) -> Result<(Arc<VolumeEntry>, Added), UploadRefused> {
-        let entry = VolumeEntry::new(loaded, Owner::Upload, None, self.names);
+        let entry = self.entry(loaded, Owner::Upload, None);
         let mut inner = self.inner.write();
         if let Some(known) = inner.entries.iter().find(|known| known.id == entry.id) {
             return Ok((Arc::clone(known), Added::Known));

@@ -105,6 +105,7 @@ export class List {
     color.addEventListener("change", () => this.change(entry, { rgb: rgbOf(color.value) }, "recoloured"));
     const measure = measures.map(measureWords).join(" · ");
     const state = item.state === "defined" ? [] : [element("small", { className: `badge ${item.state}` }, item.state)];
+    if (item.phase) state.push(element("small", { className: "badge", title: "The phase of the series in which it was placed" }, `phase ${item.phase}`));
     const main = element("button", {
       type: "button", className: "item-main", tabIndex: -1, title: `${item.name}${item.description ? `: ${item.description}` : ""}. Click: jump to it; double click or F2: rename`,
       onclick: () => this.model.jumpTo(item.id),

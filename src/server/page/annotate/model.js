@@ -17,6 +17,9 @@ const hex = (channel) => Math.round(255 * channel).toString(16).padStart(2, "0")
 export const colorOf = (item) =>
   item.rgb ? `#${item.rgb.map(hex).join("")}` : COLORS[item.geometry?.kind ?? "point"];
 
+/** Whether an item belongs to the phase of a volume; items and volumes without phases belong everywhere. */
+const isInPhase = ({ phase }, volume) => !phase || !volume?.phase || volume.phase.number === phase;
+
 export const rgbOf = (color) => [1, 3, 5].map((at) => Number((parseInt(color.slice(at, at + 2), 16) / 255).toFixed(4)));
 
 const AUTHOR = "relief-author";
@@ -147,9 +150,9 @@ export class Model {
     return this.items.get(id) ?? null;
   }
 
-  /** Items to draw: visible ones of visible sets. */
+  /** Items to draw: visible ones of visible sets, and of this phase where the volume is one. */
   shown() {
-    return [...this.items.values()].filter(({ item }) => item.visible && item.geometry && !this.dark.has(item.set));
+    return [...this.items.values()].filter(({ item }) => item.visible && item.geometry && !this.dark.has(item.set) && isInPhase(item, this.volume));
   }
 
   /** Items by set and list: both sorted by name, items in their order. */

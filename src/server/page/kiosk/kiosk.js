@@ -1,7 +1,7 @@
 // The page of a display box: live frames, pixel for pixel, and the controls of the view.
 //
 // The address selects the content: view (a shared one, by name), role (presenter or watcher),
-// volume, preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
+// volume, phase, play (phases a second), caption (false leaves the name of the series out of the picture), preset, layout, profile, factor, offset, size (WIDTHxHEIGHT of the picture, if the layout
 // has no size of its own), annotations (true, or sets with commas between them) and their author. With output (see outputs.js) the page makes views for other displays:
 // views, span, eye, inches, lens, subpixels, swap, distance, layers (1 or 2), and rest (true or synthesised: the views of a picture
 // at rest; see true-views.js). Views follow the
@@ -28,6 +28,8 @@ const menu = $("menu");
 const CONNECTION = { connecting: "Connecting", live: "", waiting: "No connection; trying again", ended: "Ended" };
 /** How long a refusal is displayed, ms. */
 const REFUSAL_MS = 8000;
+/** Phases a second, where the address has no rate. */
+const USUAL_RATE = 10;
 const TRACKING = { lost: "Wiimote out of sight", ambiguous: "Wiimote seen from an unclear side", searching: "Looking for the beacon" };
 
 let shown = null;
@@ -35,6 +37,8 @@ let connection = { state: "connecting", reason: "" };
 let view = null;
 /** The name of the displayed series. */
 let series = "";
+/** Descriptions of volumes, by their id. */
+const volumes = new Map();
 let tracking = "";
 let remote = "";
 /** The message about the SpaceMouse. */
@@ -179,7 +183,10 @@ function helloOf() {
   const text = (name) => (parameters.has(name) ? { [name]: parameters.get(name) } : {});
   const display = { layout: layoutToAsk(), ...text("profile"), ...number("factor"), ...number("offset") };
   const size = parameters.get("size")?.split("x").map(Number);
-  const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}), ...drawnSets() };
+  // The picture names its series unless the address has caption=false.
+  const caption = parameters.get("caption") === "false" ? {} : { scene: { overlays: { caption: true } } };
+  const play = parameters.has("play") ? { play: { phases_per_s: Number(parameters.get("play")) } } : {};
+  const settings = { display, ...text("preset"), ...(size ? { size_px: size } : {}), ...drawnSets(), ...number("phase"), ...play, ...caption };
   return { ...text("volume"), ...text("view"), ...text("role"), ...text("author"), settings };
 }
 
@@ -210,7 +217,11 @@ const session = new Session(helloOf(), {
   heard(message) {
     if (message.type === "welcome") document.title = series = identityOf(message.volume);
     if (message.type === "welcome") view = { name: message.view, role: message.role, color: message.color, state: message.state };
-    if (message.type === "state") view = { ...view, state: message.state, outside: message.outside };
+    if (message.type === "welcome") volumes.set(message.volume.id, message.volume);
+    if (message.type === "state") {
+      view = { ...view, state: message.state, outside: message.outside, phasesPerS: message.phases_per_s };
+      nameSeries(message.volume);
+    }
     if (message.type === "eyes") follow(message);
     if (message.type === "tracking") tracking = message.state;
     if (message.type === "error") refused(message.problem.detail ?? message.problem.title);
@@ -222,6 +233,24 @@ const session = new Session(helloOf(), {
     describe();
   },
 });
+
+/** Names the displayed series, which another client of the view may have changed. */
+async function nameSeries(id) {
+  if (!volumes.has(id)) {
+    volumes.set(id, null); // fetched once
+    const answer = await fetch(`/v1/volumes/${id}`).catch(() => null);
+    if (answer?.ok) volumes.set(id, await answer.json());
+    else volumes.delete(id);
+  }
+  const volume = volumes.get(id);
+  if (volume) document.title = series = identityOf(volume);
+}
+
+/** Plays the phases of the series, or stops. */
+function togglePlaying() {
+  const rate = Number(parameters.get("play")) || USUAL_RATE;
+  session.settings({ play: view?.phasesPerS ? false : { phases_per_s: rate } });
+}
 
 const wiimote = new Wiimote({
   report: (report) => session.report(report),
@@ -381,7 +410,7 @@ async function choosePreset(at) {
 onControls(canvas, {
   send: (intent) => session.intent(intent),
   placeOf,
-  keys: { ...presetKeys, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, s: connectSpaceMouse, p: pairPhone, v: () => !$("space").hidden && toggleSpace() },
+  keys: { ...presetKeys, c: togglePlaying, m: toggleMenu, "?": toggleMenu, f: toggleFull, w: connectWiimote, s: connectSpaceMouse, p: pairPhone, v: () => !$("space").hidden && toggleSpace() },
 });
 $("full").addEventListener("click", toggleFull);
 $("close").addEventListener("click", toggleMenu);

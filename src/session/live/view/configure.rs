@@ -34,18 +34,23 @@ impl View {
         };
         inner.settings += 1;
         // The same volume may have another label map by now.
-        let is_other = presentation.entry.id != inner.presentation.entry.id;
+        let is_another = presentation.entry.id != inner.presentation.entry.id;
+        // Another phase is seen from where the view is.
+        let is_other = is_another && !presentation.entry.is_phase_with(&inner.presentation.entry);
+        if settings.play.is_some() || is_another {
+            inner.stepped = now;
+        }
         if is_other {
             inner.state = ViewState::home(&presentation.stage);
             inner.camera = None;
         }
         let known = &inner.presentation;
-        if is_other || (&presentation.shown, &presentation.shown_to) != (&known.shown, &known.shown_to) {
+        if is_another || (&presentation.shown, &presentation.shown_to) != (&known.shown, &known.shown_to) {
             // The held point belongs to the former annotations: it stays where it was.
             inner.epoch += 1;
             inner.held = None;
         }
-        if is_other || settings.annotations.is_some() {
+        if is_another || settings.annotations.is_some() {
             inner.drawn_revision = None;
         }
         let preset = presentation.preset.clone();

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Inner;
+use super::phases::RESTS_AFTER;
 use crate::live::job::{FrameJob, NextStep};
 use crate::live::motion::Delays;
 use crate::live::steady_limits::Activity;
@@ -39,10 +40,10 @@ impl Inner {
         if !self.viewers.iter().any(has_capacity) {
             return NextStep::Full;
         }
-        self.job(self.number + 1, is_still)
+        self.job(self.number + 1, is_still, now)
     }
 
-    fn job(&self, number: u64, is_still: bool) -> NextStep {
+    fn job(&self, number: u64, is_still: bool, now: Instant) -> NextStep {
         let ghost = self.preview.ghost();
         let request = match self.presentation.request(&self.state, self.camera, self.held.as_ref(), ghost) {
             Ok(request) => request,
@@ -53,7 +54,9 @@ impl Inner {
             shift_mm: (ghost.at - ghost.from).xyz.to_array(),
         });
         let volume = self.presentation.entry.id.clone();
-        let state = StateMessage { state: self.record(), volume, snapped, outside: None };
+        let phases_per_s = self.presentation.play;
+        let state = StateMessage { state: self.record(), volume, phases_per_s, snapped, outside: None };
+        let plays = phases_per_s.is_some() && now.saturating_duration_since(self.moved) > RESTS_AFTER;
         let mut shows = Vec::new();
         let mut share = None;
         for viewer in &self.viewers {
@@ -73,7 +76,7 @@ impl Inner {
             number,
             revision: self.revision,
             is_still,
-            activity: Activity::of(is_still, self.state.is_placing()),
+            activity: Activity::of(is_still, self.state.is_placing(), plays),
             arrived: self.motion.arrived,
             shows,
             state,
