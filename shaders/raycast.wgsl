@@ -164,8 +164,8 @@ fn composite(ray: Ray) -> Hit {
     return hit;
 }
 
-// Samples from number `start` on, blended front to back; what lies behind the last one has opacity
-// `behind`, 0 or 1.
+// Samples from number `start` on, blended front to back; `behind` is the opacity behind the last one,
+// 0 or 1.
 fn composite_from(ray: Ray, walk: Walk, start: f32, behind: f32) -> Hit {
     let count = sample_count(ray);
     var sum = Gathered(vec3<f32>(0.0), 0.0, count, -2.0, 0.0, count, vec2<f32>(0.0));

@@ -81,7 +81,7 @@ fn threshold_crossing(ray: Ray, walk: Walk, sum: Gathered) -> f32 {
     let start = max(k - 1.0, 0.0);
     let slabs = i32(k - start) + 1;
     if start == 0.0 && opacity_at(ray, ray.entry) > 0.0 {
-        // A cut face: what lies between it and the first sample counts, so that the depth is the
+        // A cut face: the tissue between it and the first sample counts, so that the depth is the
         // face's.
         return refine_crossing(ray, ray.entry, slabs + 1, before, target_opacity);
     }

@@ -4,8 +4,8 @@
 // is therefore lit by the face's normal, which then fades into the gradient's direction. Directions
 // along the patient axes; distances in mm along the ray. Twin: `processor::faces`.
 
-// The gradient, or what takes its place behind a face, by which the point at t mm is lit. Its length
-// has no meaning.
+// The direction by which the point at t mm is lit: the gradient, or the face's normal. Its length has
+// no meaning.
 fn faced(ray: Ray, t: f32, gradient: vec3<f32>) -> vec3<f32> {
     var behind = t - ray.entry;
     var normal = ray.entry_normal;
@@ -13,10 +13,10 @@ fn faced(ray: Ray, t: f32, gradient: vec3<f32>) -> vec3<f32> {
         behind = t - ray.cut_out;
         normal = ray.wall_normal;
     }
-    let share = (behind - frame.sample_distance_mm) / frame.face_fade_mm;
-    if share >= 1.0 {
+    if behind >= frame.sample_distance_mm + frame.face_fade_mm {
         return gradient;
     }
+    let share = (behind - frame.sample_distance_mm) / frame.face_fade_mm;
     // Towards the eye, as normals are.
     let slope = gradient * inverseSqrt(max(dot(gradient, gradient), NO_GRADIENT));
     let toward = select(slope, -slope, dot(slope, ray.direction) > 0.0);

@@ -49,7 +49,7 @@ pub struct PhaseSource {
     pub sha256: String,
 }
 
-/// What all phases of a region share: framing, preset and table of the first one.
+/// Framing, preset and table of the first phase of a region: all phases have them.
 #[derive(Debug)]
 pub(super) struct SharedLook {
     source: PhaseSource,
@@ -80,7 +80,7 @@ pub(super) struct BudgetedVolume<'a> {
     pub(super) volume: Volume,
     /// On its grid.
     pub(super) labels: Option<Arc<LabelMap>>,
-    /// What it shares with the other phases of its region.
+    /// Framing, preset and table of a phase.
     pub(super) look: Option<Arc<SharedLook>>,
     /// The series that DICOM objects of its pictures belong to.
     pub(super) reference: Option<Arc<SeriesReference>>,

@@ -44,6 +44,7 @@ mod groups;
 mod header;
 mod identity;
 mod jpeg_dct;
+mod labelmap_write;
 mod load;
 mod object;
 mod part10;
@@ -76,6 +77,7 @@ pub use commitment::{
 pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;
+pub use labelmap_write::write_label_map;
 pub use load::{LoadLimits, Loaded, load, load_within};
 pub use reference::{SeriesReference, deidentified_uid};
 pub use segmentation::{

@@ -2,14 +2,13 @@
 //!
 //! A frame is a slice of one segment; slices without the segment are left out (PS3.3 C.8.20, A.51).
 //! Frames are packed bit by bit without alignment to bytes. Segments are renumbered from 1, as
-//! the standard requires, in the order of their labels. LABELMAP objects are not written, because
-//! few programs read them yet.
+//! the standard requires, in the order of their labels. `labelmap_write` writes LABELMAP objects.
 //!
 //! Space: patient LPS mm. Frames lie on the planes of the map's grid, wherever those of the series
 //! are; a frame that lies on a slice of the series names it as its source.
 
 use dicom_core::value::PrimitiveValue;
-use dicom_core::{DataElement, VR};
+use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
 use glam::DVec3;
@@ -29,7 +28,7 @@ const RIGHT_ANGLE: f64 = 1e-6;
 /// The largest distance of a frame from the slice that it is matched with, mm.
 const SAME_PLANE_MM: f64 = 1e-3;
 /// Most bytes of pixels: an element's length has 32 bits.
-const MOST_PIXEL_BYTES: u64 = u32::MAX as u64 - 1;
+pub(super) const MOST_PIXEL_BYTES: u64 = u32::MAX as u64 - 1;
 
 const CATEGORY: Code = Code::new("85756007", "SCT", "Tissue");
 const DERIVATION: Code = Code::dcm("113076", "Segmentation");
@@ -175,15 +174,17 @@ pub fn write_segmentation_layers(
     series.put_patient_and_study(&mut object);
     series.put_frame_of_reference(&mut object).ok_or(SegmentationError::NoFrameOfReference)?;
     put_equipment(&mut object);
-    put_identity(&mut object, maps, series, options);
-    put_image(&mut object, [rows, columns], frames.len());
+    put_identity(&mut object, uids::SEGMENTATION_STORAGE, maps, series, options);
+    put_image(&mut object, Pixels { kind: "BINARY", bits: 1 }, [rows, columns], frames.len());
     let segments: Vec<InMemDicomObject> =
         (1..).zip(&numbered).map(|(number, one)| segment_item(number, one.segment, options)).collect();
     put_items(&mut object, tags::SEGMENT_SEQUENCE, segments);
-    put_dimensions(&mut object, &uid_of(b"dimensions", maps.iter().map(|map| map.content_hash().0)));
+    let uid = uid_of(b"dimensions", maps.iter().map(|map| map.content_hash().0));
+    put_dimensions(&mut object, &uid, &[SEGMENT_DIMENSION, POSITION_DIMENSION]);
     let planes = Planes::new(map, series);
     put_items(&mut object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, vec![planes.shared()]);
-    let groups = frames.iter().map(|frame| planes.groups(*frame)).collect();
+    let groups =
+        frames.iter().map(|frame| planes.groups(frame.slice, Some(frame.index as u16 + 1))).collect();
     put_items(&mut object, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, groups);
     // Only where a frame refers to an image of it (PS3.3 C.12.4).
     if frames.iter().any(|frame| planes.sources[frame.slice].is_some()) {
@@ -195,7 +196,7 @@ pub fn write_segmentation_layers(
     object::file_bytes(object, false).map_err(SegmentationError::Encoding)
 }
 
-fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
+pub(super) fn check_right_angles(map: &LabelMap) -> Result<(), SegmentationError> {
     let [x, y, z] = map.grid().axis_directions();
     let cosine = [x.dot(y), y.dot(z), z.dot(x)].into_iter().map(f64::abs).fold(0.0, f64::max);
     if cosine > RIGHT_ANGLE {
@@ -251,8 +252,9 @@ fn packed(numbered: &[NumberedSegment<'_>], frames: &[Frame]) -> Vec<u8> {
     bytes
 }
 
-fn put_identity(
+pub(super) fn put_identity(
     object: &mut InMemDicomObject,
+    sop_class: &str,
     maps: &[LabelMap],
     series: &SeriesReference,
     options: &SegmentationOptions,
@@ -260,8 +262,16 @@ fn put_identity(
     let made = options.made.to_string();
     let said = format!("{options:?}");
     let content: Vec<u8> = maps.iter().flat_map(|map| map.content_hash().0).collect();
-    let parts = || [series.series_uid().as_bytes(), content.as_slice(), made.as_bytes(), said.as_bytes()];
-    put(object, tags::SOP_CLASS_UID, VR::UI, uids::SEGMENTATION_STORAGE);
+    let parts = || {
+        [
+            sop_class.as_bytes(),
+            series.series_uid().as_bytes(),
+            content.as_slice(),
+            made.as_bytes(),
+            said.as_bytes(),
+        ]
+    };
+    put(object, tags::SOP_CLASS_UID, VR::UI, sop_class);
     put(object, tags::SOP_INSTANCE_UID, VR::UI, &uid_of(b"segmentation", parts()));
     put(object, tags::SERIES_INSTANCE_UID, VR::UI, &uid_of(b"series of segmentations", parts()));
     put(object, tags::MODALITY, VR::CS, "SEG");
@@ -281,27 +291,45 @@ fn put_identity(
     put(object, tags::SERIES_TIME, VR::TM, &time);
 }
 
-fn put_image(object: &mut InMemDicomObject, [rows, columns]: [u16; 2], frames: usize) {
+/// The pixels of a segmentation.
+#[derive(Clone, Copy)]
+pub(super) struct Pixels {
+    /// SegmentationType (0062,0001).
+    pub(super) kind: &'static str,
+    /// Bits of a pixel.
+    pub(super) bits: u16,
+}
+
+pub(super) fn put_image(
+    object: &mut InMemDicomObject,
+    pixels: Pixels,
+    [rows, columns]: [u16; 2],
+    frames: usize,
+) {
     put_many(object, tags::IMAGE_TYPE, VR::CS, ["DERIVED", "PRIMARY"].map(str::to_owned));
     put(object, tags::PHOTOMETRIC_INTERPRETATION, VR::CS, "MONOCHROME2");
     put(object, tags::LOSSY_IMAGE_COMPRESSION, VR::CS, "00");
-    put(object, tags::SEGMENTATION_TYPE, VR::CS, "BINARY");
+    put(object, tags::SEGMENTATION_TYPE, VR::CS, pixels.kind);
     put(object, tags::BURNED_IN_ANNOTATION, VR::CS, "NO");
     put(object, tags::NUMBER_OF_FRAMES, VR::IS, &frames.to_string());
     for (tag, value) in [
         (tags::SAMPLES_PER_PIXEL, 1),
         (tags::ROWS, rows),
         (tags::COLUMNS, columns),
-        (tags::BITS_ALLOCATED, 1),
-        (tags::BITS_STORED, 1),
-        (tags::HIGH_BIT, 0),
+        (tags::BITS_ALLOCATED, pixels.bits),
+        (tags::BITS_STORED, pixels.bits),
+        (tags::HIGH_BIT, pixels.bits - 1),
         (tags::PIXEL_REPRESENTATION, 0),
     ] {
         put_numbers(object, tag, &[value]);
     }
 }
 
-fn segment_item(number: u16, segment: &Segment, options: &SegmentationOptions) -> InMemDicomObject {
+pub(super) fn segment_item(
+    number: u16,
+    segment: &Segment,
+    options: &SegmentationOptions,
+) -> InMemDicomObject {
     let mut item = InMemDicomObject::new_empty();
     put_numbers(&mut item, tags::SEGMENT_NUMBER, &[number]);
     let full = segment.name.clone().unwrap_or_else(|| format!("Segment {}", segment.label));
@@ -329,16 +357,18 @@ fn segment_item(number: u16, segment: &Segment, options: &SegmentationOptions) -
     item
 }
 
-/// Frames are indexed by segment and by position.
-fn put_dimensions(object: &mut InMemDicomObject, uid: &str) {
+/// An attribute by which frames are indexed: itself, its functional group, and its label.
+pub(super) type Dimension = (Tag, Tag, &'static str);
+const SEGMENT_DIMENSION: Dimension =
+    (tags::REFERENCED_SEGMENT_NUMBER, tags::SEGMENT_IDENTIFICATION_SEQUENCE, "Segment");
+pub(super) const POSITION_DIMENSION: Dimension =
+    (tags::IMAGE_POSITION_PATIENT, tags::PLANE_POSITION_SEQUENCE, "Position");
+
+pub(super) fn put_dimensions(object: &mut InMemDicomObject, uid: &str, dimensions: &[Dimension]) {
     let mut organization = InMemDicomObject::new_empty();
     put(&mut organization, tags::DIMENSION_ORGANIZATION_UID, VR::UI, uid);
     put_items(object, tags::DIMENSION_ORGANIZATION_SEQUENCE, vec![organization]);
-    let dimensions = [
-        (tags::REFERENCED_SEGMENT_NUMBER, tags::SEGMENT_IDENTIFICATION_SEQUENCE, "Segment"),
-        (tags::IMAGE_POSITION_PATIENT, tags::PLANE_POSITION_SEQUENCE, "Position"),
-    ];
-    let items = dimensions.map(|(pointer, group, label)| {
+    let items = dimensions.iter().map(|&(pointer, group, label)| {
         let mut item = InMemDicomObject::new_empty();
         put(&mut item, tags::DIMENSION_ORGANIZATION_UID, VR::UI, uid);
         let at = |tag| PrimitiveValue::Tags([tag].into_iter().collect());
@@ -347,22 +377,22 @@ fn put_dimensions(object: &mut InMemDicomObject, uid: &str) {
         put(&mut item, tags::DIMENSION_DESCRIPTION_LABEL, VR::LO, label);
         item
     });
-    put_items(object, tags::DIMENSION_INDEX_SEQUENCE, items.to_vec());
+    put_items(object, tags::DIMENSION_INDEX_SEQUENCE, items.collect());
 }
 
 /// The positions of the frames, and the images that they were derived from.
-struct Planes<'a> {
+pub(super) struct Planes<'a> {
     row: DVec3,
     column: DVec3,
     spacing_mm: [f64; 3],
     origin: DVec3,
     step: DVec3,
     /// For each slice of the grid the image of the series that lies on it.
-    sources: Vec<Option<(&'a Instance, &'a Plane)>>,
+    pub(super) sources: Vec<Option<(&'a Instance, &'a Plane)>>,
 }
 
 impl<'a> Planes<'a> {
-    fn new(map: &LabelMap, series: &'a SeriesReference) -> Self {
+    pub(super) fn new(map: &LabelMap, series: &'a SeriesReference) -> Self {
         let grid = map.grid();
         let [row, column, _] = grid.axis_directions();
         let affine = grid.patient_from_voxel().affine;
@@ -391,7 +421,7 @@ impl<'a> Planes<'a> {
     }
 
     /// The values that all frames share.
-    fn shared(&self) -> InMemDicomObject {
+    pub(super) fn shared(&self) -> InMemDicomObject {
         let [dx, dy, dz] = self.spacing_mm;
         let mut measures = InMemDicomObject::new_empty();
         put_many(&mut measures, tags::PIXEL_SPACING, VR::DS, decimals(&[dy, dx]));
@@ -406,22 +436,24 @@ impl<'a> Planes<'a> {
         shared
     }
 
-    /// The attributes of a single frame.
-    fn groups(&self, frame: Frame) -> InMemDicomObject {
+    /// The attributes of a frame in a slice; of a single segment, where it has one.
+    pub(super) fn groups(&self, slice: usize, segment: Option<u16>) -> InMemDicomObject {
         let mut groups = InMemDicomObject::new_empty();
-        let position = self.origin + self.step * frame.slice as f64;
+        let position = self.origin + self.step * slice as f64;
         let mut place = InMemDicomObject::new_empty();
         put_many(&mut place, tags::IMAGE_POSITION_PATIENT, VR::DS, decimals(&position.to_array()));
         put_items(&mut groups, tags::PLANE_POSITION_SEQUENCE, vec![place]);
-        let (number, index) = (frame.index as u16 + 1, frame.slice as u32 + 1);
         let mut content = InMemDicomObject::new_empty();
-        let indices = PrimitiveValue::U32([u32::from(number), index].into_iter().collect());
+        let indices = segment.map(u32::from).into_iter().chain([slice as u32 + 1]);
+        let indices = PrimitiveValue::U32(indices.collect());
         content.put_element(DataElement::new(tags::DIMENSION_INDEX_VALUES, VR::UL, indices));
         put_items(&mut groups, tags::FRAME_CONTENT_SEQUENCE, vec![content]);
-        let mut segment = InMemDicomObject::new_empty();
-        put_numbers(&mut segment, tags::REFERENCED_SEGMENT_NUMBER, &[number]);
-        put_items(&mut groups, tags::SEGMENT_IDENTIFICATION_SEQUENCE, vec![segment]);
-        if let Some((instance, plane)) = self.sources[frame.slice] {
+        if let Some(number) = segment {
+            let mut segment = InMemDicomObject::new_empty();
+            put_numbers(&mut segment, tags::REFERENCED_SEGMENT_NUMBER, &[number]);
+            put_items(&mut groups, tags::SEGMENT_IDENTIFICATION_SEQUENCE, vec![segment]);
+        }
+        if let Some((instance, plane)) = self.sources[slice] {
             let mut source = instance.reference(Some(plane));
             put_items(&mut source, tags::PURPOSE_OF_REFERENCE_CODE_SEQUENCE, vec![PURPOSE.item()]);
             put(&mut source, tags::SPATIAL_LOCATIONS_PRESERVED, VR::CS, "YES");

@@ -23,6 +23,8 @@ pub enum Format {
     Sr,
     /// DICOM Segmentation.
     Seg,
+    /// DICOM Label Map Segmentation.
+    LabelMap,
     /// 3D Slicer's segmentations.
     SegNrrd,
     /// Label maps of NIfTI.
@@ -69,7 +71,7 @@ pub struct FormatInfo {
 impl Format {
     /// All formats: the one table from which the command line, the API description and the pages
     /// take them. `docs/ANNOTATIONS.md` is checked against it.
-    pub const TABLE: [FormatInfo; 15] = [
+    pub const TABLE: [FormatInfo; 16] = [
         FormatInfo {
             format: Self::MrkJson,
             name: "mrk.json",
@@ -141,6 +143,15 @@ impl Format {
             format: Self::Seg,
             name: "seg",
             title: "DICOM segmentation",
+            extension: "dcm",
+            media_type: "application/dicom",
+            is_written: true,
+            holds: Some(Representable::REGIONS),
+        },
+        FormatInfo {
+            format: Self::LabelMap,
+            name: "labelmap",
+            title: "DICOM label map",
             extension: "dcm",
             media_type: "application/dicom",
             is_written: true,
@@ -292,7 +303,7 @@ fn dicom_kind(head: &[u8]) -> Option<Format> {
     let classes = [
         ("1.2.840.10008.5.1.4.1.1.88.", Format::Sr),
         ("1.2.840.10008.5.1.4.1.1.66.4", Format::Seg),
-        ("1.2.840.10008.5.1.4.1.1.66.7", Format::Seg), // Label Map Segmentation
+        ("1.2.840.10008.5.1.4.1.1.66.7", Format::LabelMap),
         ("1.2.840.10008.5.1.4.1.1.481.3", Format::RtStruct),
     ];
     let meta = head.get(132..)?;

@@ -56,7 +56,7 @@ pub fn read(format: Format, bytes: &[u8], context: &ReadContext<'_>) -> Result<I
         Format::Mps => mps::read(bytes, context),
         Format::Cornerstone => cornerstone::read(bytes, context),
         Format::Sr => objects::read_report(bytes, context),
-        Format::Seg => objects::read_segmentation(bytes, context),
+        Format::Seg | Format::LabelMap => objects::read_segmentation(format, bytes, context),
         Format::SegNrrd | Format::Nifti => regions::read(format, bytes, context),
         Format::Stl | Format::Ply | Format::Obj | Format::Glb => meshes::read(format, bytes, context),
         Format::RtStruct => objects::read_structure_set(bytes, context),
@@ -84,13 +84,13 @@ pub fn write(
             count = held;
             bytes
         }),
-        Format::Seg | Format::SegNrrd | Format::Nifti => {
+        Format::Seg | Format::LabelMap | Format::SegNrrd | Format::Nifti => {
             let regions::LabelMapParts { maps, items: ids, lost } = regions::join(format, &kept, context)?;
             left_out.extend(lost);
             kept.retain(|item| ids.contains(&item.id));
             count = kept.len();
             match format {
-                Format::Seg => objects::write_segmentation(&maps, &kept, context),
+                Format::Seg | Format::LabelMap => objects::write_segmentation(format, &maps, &kept, context),
                 Format::Nifti => write_nifti_labels(&maps[0]).map_err(|error| regions::failed(format, error)),
                 _ => write_seg_nrrd_layers(&maps).map_err(|error| regions::failed(format, error)),
             }

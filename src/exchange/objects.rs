@@ -72,11 +72,15 @@ pub(super) fn read_structure_set(bytes: &[u8], context: &ReadContext<'_>) -> Res
 ///
 /// # Errors
 /// As [`super::read`]; places are tags.
-pub(super) fn read_segmentation(bytes: &[u8], context: &ReadContext<'_>) -> Result<Imported, ExchangeError> {
+pub(super) fn read_segmentation(
+    format: Format,
+    bytes: &[u8],
+    context: &ReadContext<'_>,
+) -> Result<Imported, ExchangeError> {
     let found =
         relief_dicom::read_segmentation_layers(LoadLimits { voxel_bytes: 2 * context.most_voxels() }, bytes);
     let found = found.map_err(|defect| ExchangeError::Object(Box::new(defect)))?;
-    regions::of_layers(Format::Seg, &found.layers, found.warnings, context)
+    regions::of_layers(format, &found.layers, found.warnings, context)
 }
 
 /// The series that an object is about.
@@ -121,11 +125,12 @@ fn begun(items: &[&Item]) -> Timestamp {
     items.iter().map(|item| item.created).min().unwrap_or_else(Timestamp::now)
 }
 
-/// A segmentation of regions in layers.
+/// A segmentation of regions in layers, or a label map of a single one.
 ///
 /// # Errors
 /// When there is no series, or the map is no stack of frames.
 pub(super) fn write_segmentation(
+    format: Format,
     maps: &[LabelMap],
     items: &[&Item],
     context: &WriteContext<'_>,
@@ -138,6 +143,10 @@ pub(super) fn write_segmentation(
     };
     let meanings = (1..).zip(items).map(meaning).collect();
     let options = SegmentationOptions { meanings, made: begun(items), ..SegmentationOptions::by(author) };
-    let bytes = relief_dicom::write_segmentation_layers(maps, series(Format::Seg, context)?, &options);
+    let series = series(format, context)?;
+    let bytes = match (format, maps) {
+        (Format::LabelMap, [map]) => relief_dicom::write_label_map(map, series, &options),
+        _ => relief_dicom::write_segmentation_layers(maps, series, &options),
+    };
     bytes.map_err(|error| ExchangeError::Segmentation(Box::new(error)))
 }

@@ -127,7 +127,9 @@ pub(super) fn join(
             maps.insert(region.content.clone(), map);
         }
         let map = &maps[&region.content];
-        let joined = joined.get_or_insert_with(|| JoinedRegions::new(map.grid(), format == Format::Nifti));
+        let joined = joined.get_or_insert_with(|| {
+            JoinedRegions::new(map.grid(), matches!(format, Format::Nifti | Format::LabelMap))
+        });
         joined.add(item, map, region.label).map_err(|error| failed(format, error))?;
     }
     let Some(JoinedRegions { grid, voxels, segments, items, lost }) = joined else {

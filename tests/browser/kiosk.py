@@ -116,7 +116,7 @@ def view(page):
 def exactness(playwright, server):
     """The screen, against the frame that is served for the same view; with and without another profile."""
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
-    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx"
+    query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&layout=wowvx&overlay=caption"
     served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}"))
     found = {}
     for name, arguments in {"srgb": [], "p3": ["--force-color-profile=display-p3-d65"]}.items():
@@ -175,7 +175,7 @@ def outputs(playwright, server):
     for name in names:
         more = "&lens=4.5,0.25,0.125" if name == "lenses" else ""
         expected = arranged(name, left, right, quilt)
-        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&size=480x270&rest=synthesised&output={name}{more}")
+        page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone&size=480x270&rest=synthesised&output={name}{more}")
         wait_still(page)
         shot = pixels(page.locator("#frame").screenshot())
         different = int((shot != expected).any(axis=2).sum()) if shot.shape == expected.shape else -1
@@ -185,7 +185,7 @@ def outputs(playwright, server):
         page.close()
     # The layout with a back layer has the size of the display.
     two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo&depth_rule=two-layer"))
-    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone&output=stereo&rest=synthesised&layers=2")
+    page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone&output=stereo&rest=synthesised&layers=2")
     wait_still(page)
     shot = pixels(page.locator("#frame").screenshot())
     found["layers"] = {"different": int((shot != two).any(axis=2).sum()) if shot.shape == two.shape else -1, "problems": problems}
@@ -236,7 +236,7 @@ def comfort(playwright, server):
         served = pixels(server.get(f"/v1/volumes/{volume}/frame?{query}&factor={factor}"))
         disparity = numpy.sort(served[::2, 960:, 0][1:].ravel())
         disparity = disparity[disparity > 0]
-        page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone{more}")
+        page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone{more}")
         wait_still(page)
         page.keyboard.press("m")
         page.wait_for_selector("#menu[open]")
@@ -267,7 +267,7 @@ def eyes(playwright, server):
             json.dump({"rest_mm": [0, 0, 600], "eye_separation_mm": 60}, file)
         command = [RELIEF, "client", "--server", server.url, "--headless", "--role", "watcher", "--view", "eyes"]
         command += ["--eyes", f"opentrack:127.0.0.1:{port}", "--display-geometry", geometry]
-        address = f"{server.url}/kiosk?preset=bone&size=480x270&view=eyes&distance=600&rest=synthesised"
+        address = f"{server.url}/kiosk?caption=false&preset=bone&size=480x270&view=eyes&distance=600&rest=synthesised"
         pages = {name: page_of(opened, f"{address}&output={name}") for name in ("flat", "stereo")}
         for page, _ in pages.values():
             wait_still(page)
@@ -329,7 +329,7 @@ def seen_by(part, playwright, server):
 def hands(playwright, server):
     """Mouse, keyboard, a click for the cursor, and the server killed and started again."""
     opened = browser(playwright)
-    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone")
+    page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone")
     wait_still(page)
     found = {"home": view(page)}
     page.mouse.move(500, 500)
@@ -408,7 +408,7 @@ def early(playwright, server):
     problems, tries = [], []
     page.on("pageerror", lambda error: problems.append(error.message))
     page.on("websocket", lambda socket: tries.append(socket.url))
-    page.goto(f"{server.url}/kiosk?preset=bone&volume={volume}")
+    page.goto(f"{server.url}/kiosk?caption=false&preset=bone&volume={volume}")
     wait_for(page, f"{ROOT}.connection === 'waiting'")
     page.wait_for_timeout(4000)
     found = {"tries": len(tries)}
@@ -463,7 +463,7 @@ def wiimote(playwright, server):
     with open(REPORTS, encoding="ascii") as lines:
         reports = [json.loads(line)["report"] for line in lines]
     opened = browser(playwright)
-    page, problems = page_of(opened, f"{server.url}/kiosk?preset=bone", STUB % json.dumps(reports))
+    page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone", STUB % json.dumps(reports))
     wait_still(page)
     before = view(page)
     page.keyboard.press("w")

@@ -18,7 +18,7 @@ from PIL import Image
 RELIEF, SERIES = sys.argv[1], sys.argv[3]
 ROOT = "document.documentElement.dataset"
 SIZE = (480, 270)
-ADDRESS = f"/kiosk?preset=bone&size={SIZE[0]}x{SIZE[1]}&view=rest"
+ADDRESS = f"/kiosk?caption=false&preset=bone&size={SIZE[0]}x{SIZE[1]}&view=rest"
 
 
 def rendered(layout, *more):

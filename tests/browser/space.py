@@ -17,7 +17,7 @@ WIDTH = 40 * 25.4 * 16 / math.hypot(16, 9) / 1000
 DISTANCE = 0.6
 EYES = 0.065
 YAW = math.radians(30)
-ADDRESS = f"/kiosk?preset=bone&size={SIZE[0]}x{SIZE[1]}&output=stereo&rest=synthesised&inches=40&distance=600&span=1"
+ADDRESS = f"/kiosk?caption=false&preset=bone&size={SIZE[0]}x{SIZE[1]}&output=stereo&rest=synthesised&inches=40&distance=600&span=1"
 
 #: window.look(views) shows a picture for these views and gives it as a data URL.
 DEVICE = """

@@ -88,7 +88,7 @@ def settled(window):
 
 
 def driven(browser, server):
-    window = Window(browser, server, "/kiosk?view=theatre&preset=bone&size=960x540&annotations=true")
+    window = Window(browser, server, "/kiosk?caption=false&view=theatre&preset=bone&size=960x540&annotations=true")
     window.wait("document.documentElement.dataset.still === 'true'")
     window.key("p")
     window.wait("!document.getElementById('wand-pairing').hidden")
@@ -176,7 +176,7 @@ TRACKED = """
 
 def tracked(browser, server):
     """The view after a phone that is tracked in space was moved and turned with Turn held."""
-    window = Window(browser, server, "/kiosk?view=space&preset=bone&size=960x540")
+    window = Window(browser, server, "/kiosk?caption=false&view=space&preset=bone&size=960x540")
     window.wait("document.documentElement.dataset.still === 'true'")
     phone = Phone(browser, f"{server.url}/wand?view=space", TRACKED)
     phone.until("document.documentElement.dataset.connection === 'live' && !document.getElementById('space').hidden")
@@ -233,7 +233,7 @@ def capped(browser, server):
     window = Window.__new__(Window)
     window.page, window.problems = context.new_page(), []
     window.page.on("pageerror", lambda error: window.problems.append(error.message))
-    window.page.goto(f"{server.url}/kiosk?preset=bone&size=960x540")
+    window.page.goto(f"{server.url}/kiosk?caption=false&preset=bone&size=960x540")
     window.wait("document.documentElement.dataset.still === 'true'")
     seen = {"before": settled(window)}
     for _ in range(20):

@@ -4,7 +4,8 @@ use glam::DVec3;
 use relief_annotation::Concept;
 use relief_base::Transform;
 use relief_dicom::{
-    LoadLimits, SegmentMeaning, SegmentationError, SegmentationOptions, read_segmentation, write_segmentation,
+    LoadLimits, SegmentMeaning, SegmentationError, SegmentationOptions, read_segmentation, write_label_map,
+    write_segmentation,
 };
 use relief_volume::{Grid, LabelMap, Segment};
 use serde_json::Value;
@@ -110,17 +111,67 @@ fn a_segmentation_has_the_voxels_of_its_map() {
     }
 }
 
+/// Invariant: A report or segmentation carries its patient, study and frame of reference, reads the
+/// same in every tool, and no message shows a name or UID.
+#[test]
+fn label_maps_keep_their_labels_in_every_reader() {
+    let made = made::series();
+    let coarse = Grid::axis_aligned([9, 13, 7], [1.5, 0.4, 2.0], [3.0, -7.0, 11.0]).unwrap();
+    for grid in [made.grid.clone(), coarse] {
+        let wide = named(&map(grid));
+        // Labels that fit into 8 bits.
+        let narrow: Vec<u16> = (0..wide.grid().voxel_count()).map(|at| wide.places().at(at) as u16).collect();
+        let segments =
+            (1..).zip(wide.segments()).map(|(label, segment)| Segment { label, ..segment.clone() });
+        let narrow = LabelMap::new(wide.grid().clone(), &narrow, segments.collect()).unwrap();
+        for (map, bits) in [(wide, 16), (narrow, 8)] {
+            let bytes = write_label_map(&map, &made.reference, &options()).unwrap();
+            assert_eq!(bytes, write_label_map(&map, &made.reference, &options()).unwrap());
+            let found = read_segmentation(LoadLimits::default(), &bytes).unwrap();
+            assert_eq!(found.warnings, Vec::<String>::new());
+            let labels = |map: &LabelMap| map.segments().iter().map(|one| one.label).collect::<Vec<_>>();
+            assert_eq!(labels(&found.map), labels(&map));
+            for (_, name) in NAMES {
+                let off = apart(&positions(&found.map, name), &positions(&map, name));
+                assert!(off < 1e-6, "{name}: {off} mm");
+            }
+            let (_folder, file) = file_of("labelmap.dcm", &bytes);
+            let Some(read) = python("label maps read by highdicom", HIGHDICOM, &[&file]) else { continue };
+            let read: Value = serde_json::from_str(&read).unwrap();
+            assert_eq!(read["kind"], serde_json::json!(["LABELMAP", bits, 0]));
+            let segments = read["segments"].as_array().unwrap();
+            assert_eq!(segments.len(), map.segments().len());
+            for (segment, own) in segments.iter().zip(map.segments()) {
+                assert_eq!(
+                    (&segment["number"], segment["label"].as_str()),
+                    (&own.label.into(), own.name.as_deref())
+                );
+                let at = segment["at"].as_array().unwrap().iter();
+                let at = at.map(|at| DVec3::from_slice(&numbers(at))).collect();
+                let off = apart(&sorted(at), &positions(&map, segment["label"].as_str().unwrap()));
+                assert!(off < 1e-6, "{}: {off} mm", segment["label"]);
+            }
+            if let Some((errors, _)) = dciodvfy("label maps checked by dciodvfy", &file) {
+                // It does not know their SOP class.
+                let unknown = |line: &&String| !line.contains("Information Object Not found");
+                assert_eq!(errors.iter().filter(unknown).collect::<Vec<_>>(), Vec::<&String>::new());
+            }
+        }
+    }
+}
+
 const HIGHDICOM: &str = r"
 import json, sys, numpy as np, highdicom as hd
 seg = hd.seg.segread(sys.argv[1])
 volume = seg.get_volume(combine_segments=True)
 found = {'segments': [], 'patient': str(seg.PatientName), 'frame': seg.FrameOfReferenceUID,
          'sources': sum('DerivationImageSequence' in g for g in seg.PerFrameFunctionalGroupsSequence),
-         'referenced': len(seg.ReferencedSeriesSequence[0].ReferencedInstanceSequence)}
+         'referenced': len(seg.ReferencedSeriesSequence[0].ReferencedInstanceSequence) if 'ReferencedSeriesSequence' in seg else 0,
+         'kind': [seg.SegmentationType, seg.BitsAllocated, seg.get('PixelPaddingValue')]}
 for number in seg.segment_numbers:
     described = seg.get_segment_description(number)
     at = np.argwhere(volume.array == number)
-    found['segments'].append({'label': described.segment_label, 'type': described.segmented_property_type.meaning,
+    found['segments'].append({'number': int(number), 'label': described.segment_label, 'type': described.segmented_property_type.meaning,
         'at': volume.map_indices_to_reference(at).tolist() if len(at) else []})
 print(json.dumps(found))
 ";

@@ -173,8 +173,13 @@ impl Overlays {
     /// Whether nothing is to be drawn.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let has_instruments = self.bounding_box || self.orientation_cube || self.scale_bar;
-        self.items.is_empty() && !has_instruments && self.caption.is_none()
+        self.are_a_caption() && self.caption.is_none()
+    }
+
+    /// Whether nothing but a caption is to be drawn, which has no place in the patient.
+    #[must_use]
+    pub fn are_a_caption(&self) -> bool {
+        self.items.is_empty() && !self.bounding_box && !self.orientation_cube && !self.scale_bar
     }
 
     /// Bytes that the lists take.

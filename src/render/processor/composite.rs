@@ -8,7 +8,7 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::request::DepthRule;
-use super::face_light::FaceLight;
+use super::face_zone::FaceZone;
 use super::history::History;
 use super::passage::rgb;
 use super::pending::Pending;
@@ -34,12 +34,13 @@ pub(super) struct Gathered<'h, L: Lanes> {
 
 /// The kind of samples. Waiting ones have N components.
 pub(super) trait Blend<L: Lanes, const N: usize> {
-    /// Adds samples k of the chosen rays behind those before; says whether any of them is visible.
+    /// Adds samples k of the chosen rays behind those before, with the zone behind their faces; says
+    /// whether any of them is visible.
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
         pending: &mut Pending<L, N>,
-        rays: &Rays<L>,
+        at: (&Rays<L>, &FaceZone<L>),
         k: L::Real,
         chosen: L::Mask,
     ) -> bool;
@@ -47,17 +48,17 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
     /// Colours before light, positions and weights of waiting samples.
     fn waiting(scene: &Scene<'_, L>, sample: [L::Real; N]) -> Waiting<L>;
 
-    /// Lit colours of samples, seen along `direction`, behind these faces; `p` is a position to read
-    /// the gradient at.
+    /// Lit colours of samples, seen along `direction`; `p` is a position to read the gradient at, and
+    /// `turn` gives the direction that lights them for a gradient.
     #[inline(always)]
     fn lit(
         scene: &Scene<'_, L>,
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
-        face: &FaceLight<L>,
+        turn: impl FnOnce(Triple<L::Real>) -> Triple<L::Real>,
     ) -> Triple<L::Real> {
-        scene.lights.lit(&scene.field, rgb, direction, p, Some(face))
+        scene.lights.lit(&scene.field, rgb, direction, p, turn)
     }
 }
 
@@ -65,8 +66,7 @@ pub(super) trait Blend<L: Lanes, const N: usize> {
 pub(super) struct Waiting<L: Lanes> {
     rgb: Triple<L::Real>,
     p: Triple<L::Real>,
-    /// Distance behind the face before them; see [`Scene::behind_face`].
-    behind: L::Real,
+    /// Negative in the zone behind a face.
     weight: L::Real,
 }
 
@@ -93,10 +93,13 @@ impl<L: Lanes> Scene<'_, L> {
         loop {
             // One call for both layers: it is inlined, and a second copy would take as long to compile.
             let faces = painted.as_ref().filter(|_| front.is_none());
-            let ending = faces.map(|faces| faces.end(rays, self.view.distance_mm()));
-            let cast = ending.as_ref().unwrap_or(rays);
-            let on = faces.map_or_else(|| self.none(), |faces| faces.on);
-            let (hit, first) = self.composite(cast, walk, start, rule, history, (chosen, on));
+            // A value, not one of two references: it stays in registers.
+            let (exit, on) = match faces {
+                Some(faces) => (faces.exit(rays, self.view.distance_mm()), faces.on),
+                None => (rays.exit, self.none()),
+            };
+            let (hit, first) =
+                self.composite(&rays.ending_at(exit), walk, start, rule, history, (chosen, on));
             let hit = match faces {
                 Some(faces) => faces.paint(hit, self.number(1.0)),
                 None => hit,
@@ -150,17 +153,17 @@ impl<L: Lanes> Scene<'_, L> {
         let mut sum = if self.is_plain() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Plain, 6>(rays, walk, start, history, chosen),
+                || self.blend::<Plain, 5>(rays, walk, start, history, chosen),
             )
         } else if self.integrals.is_some() {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Paths, 8>(rays, walk, start, history, chosen),
+                || self.blend::<Paths, 7>(rays, walk, start, history, chosen),
             )
         } else {
             self.lanes.apart(
                 #[inline(always)]
-                || self.blend::<Classified, 6>(rays, walk, start, history, chosen),
+                || self.blend::<Classified, 5>(rays, walk, start, history, chosen),
             )
         };
         sum.total = self.number(1.0).or_where_not(painted, sum.opacity);
@@ -191,6 +194,7 @@ impl<L: Lanes> Scene<'_, L> {
         let mut sum: Gathered<'h, L> =
             Gathered { color: Triple([zero; 3]), opacity: zero, total: zero, first: count, history };
         let mut pending = Pending::new(self.lanes, rays);
+        let zone = self.face_zone(rays);
         let mut k = start;
         let mut has_shown = false;
         loop {
@@ -208,15 +212,15 @@ impl<L: Lanes> Scene<'_, L> {
             has_shown = false;
             for _ in 0..2 {
                 let taken = alive & k.lt(count) & sum.opacity.lt(opaque);
-                has_shown |= B::gather(self, &mut sum, &mut pending, rays, k, taken);
+                has_shown |= B::gather(self, &mut sum, &mut pending, (rays, &zone), k, taken);
                 while pending.len >= L::COUNT {
-                    self.light_pending::<B, N>(&mut pending);
+                    self.light_pending::<B, N>(&mut pending, &zone);
                 }
                 k = (k + one).or_where_not(alive, k);
             }
         }
         while pending.len > 0 {
-            self.light_pending::<B, N>(&mut pending);
+            self.light_pending::<B, N>(&mut pending, &zone);
         }
         sum.color = pending.colors();
         sum
@@ -241,14 +245,23 @@ impl<L: Lanes> Scene<'_, L> {
 
     /// Lights the oldest pending samples, one in each lane.
     #[inline(always)]
-    fn light_pending<B: Blend<L, N>, const N: usize>(&self, pending: &mut Pending<L, N>) {
+    fn light_pending<B: Blend<L, N>, const N: usize>(&self, pending: &mut Pending<L, N>, zone: &FaceZone<L>) {
         let (sample, direction) = pending.front();
-        let Waiting { rgb, p, behind, weight } = B::waiting(self, sample);
+        let Waiting { rgb, p, weight } = B::waiting(self, sample);
         // Lanes without a sample read the middle of the volume: cells at its edges are slow.
         let is_sample = self.lanes.first(pending.len);
         let p = p.or_where_not([is_sample; 3], self.field.middle());
-        let face = self.face_light(behind, || pending.front_normals());
-        pending.add(B::lit(self, rgb, direction, p, &face).scaled(weight));
+        let marked = is_sample & weight.lt(self.number(0.0));
+        // After the gradients: they take most registers.
+        let lit = B::lit(
+            self,
+            rgb,
+            direction,
+            p,
+            #[inline(always)]
+            |gradient| self.turned(zone, pending, [p, direction, gradient], marked),
+        );
+        pending.add(lit.scaled(weight.abs()));
     }
 
     /// The lanes in which samples k with these values may be visible.
@@ -259,13 +272,13 @@ impl<L: Lanes> Scene<'_, L> {
     }
 }
 
-impl<L: Lanes> Blend<L, 6> for Plain {
+impl<L: Lanes> Blend<L, 5> for Plain {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 6>,
-        rays: &Rays<L>,
+        pending: &mut Pending<L, 5>,
+        (rays, zone): (&Rays<L>, &FaceZone<L>),
         k: L::Real,
         chosen: L::Mask,
     ) -> bool {
@@ -281,14 +294,14 @@ impl<L: Lanes> Blend<L, 6> for Plain {
             return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
-        let behind = scene.behind_face(rays, scene.view.sample_t(rays, k));
-        pending.push([p.0[0], p.0[1], p.0[2], hu, behind, weight], shows);
+        let weight = zone.marked(k, weight);
+        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
         true
     }
 
     #[inline(always)]
-    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, behind, weight]: [L::Real; 6]) -> Waiting<L> {
-        Waiting { rgb: scene.colors.rgb(hu), p: Triple([x, y, z]), behind, weight }
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
+        Waiting { rgb: scene.colors.rgb(hu), p: Triple([x, y, z]), weight }
     }
 
     #[inline(always)]
@@ -297,24 +310,24 @@ impl<L: Lanes> Blend<L, 6> for Plain {
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
-        face: &FaceLight<L>,
+        turn: impl FnOnce(Triple<L::Real>) -> Triple<L::Real>,
     ) -> Triple<L::Real> {
         let head = scene.lights.head();
         if head.needs_gradient {
-            head.lit(rgb, face.turned(scene.field.gradient(p), direction), direction)
+            head.lit(rgb, turn(scene.field.gradient(p)), direction)
         } else {
             head.ambient(rgb)
         }
     }
 }
 
-impl<L: Lanes> Blend<L, 6> for Classified {
+impl<L: Lanes> Blend<L, 5> for Classified {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 6>,
-        rays: &Rays<L>,
+        pending: &mut Pending<L, 5>,
+        (rays, zone): (&Rays<L>, &FaceZone<L>),
         k: L::Real,
         chosen: L::Mask,
     ) -> bool {
@@ -330,25 +343,25 @@ impl<L: Lanes> Blend<L, 6> for Classified {
             return false;
         }
         let weight = sum.add(scene, k, opacity, shows);
-        let behind = scene.behind_face(rays, scene.view.sample_t(rays, k));
-        pending.push([p.0[0], p.0[1], p.0[2], hu, behind, weight], shows);
+        let weight = zone.marked(k, weight);
+        pending.push([p.0[0], p.0[1], p.0[2], hu, weight], shows);
         true
     }
 
     #[inline(always)]
-    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, behind, weight]: [L::Real; 6]) -> Waiting<L> {
+    fn waiting(scene: &Scene<'_, L>, [x, y, z, hu, weight]: [L::Real; 5]) -> Waiting<L> {
         let p = Triple([x, y, z]);
-        Waiting { rgb: rgb(scene.classify(p, hu)), p, behind, weight }
+        Waiting { rgb: rgb(scene.classify(p, hu)), p, weight }
     }
 }
 
-impl<L: Lanes> Blend<L, 8> for Paths {
+impl<L: Lanes> Blend<L, 7> for Paths {
     #[inline(always)]
     fn gather(
         scene: &Scene<'_, L>,
         sum: &mut Gathered<'_, L>,
-        pending: &mut Pending<L, 8>,
-        rays: &Rays<L>,
+        pending: &mut Pending<L, 7>,
+        (rays, zone): (&Rays<L>, &FaceZone<L>),
         k: L::Real,
         chosen: L::Mask,
     ) -> bool {
@@ -375,15 +388,14 @@ impl<L: Lanes> Blend<L, 8> for Paths {
         for (half, place) in [(front, front_place), (back, back_place)] {
             let Triple([x, y, z]) = rays.sample_voxel(k + place);
             let [r, g, b, added] = half;
-            let behind = scene.behind_face(rays, scene.view.sample_t(rays, k + place));
-            pending.push([x, y, z, r, g, b, behind, left * added], shows);
+            pending.push([x, y, z, r, g, b, zone.marked(k, left * added)], shows);
         }
         true
     }
 
     #[inline(always)]
-    fn waiting(_scene: &Scene<'_, L>, [x, y, z, r, g, b, behind, weight]: [L::Real; 8]) -> Waiting<L> {
-        Waiting { rgb: Triple([r, g, b]), p: Triple([x, y, z]), behind, weight }
+    fn waiting(_scene: &Scene<'_, L>, [x, y, z, r, g, b, weight]: [L::Real; 7]) -> Waiting<L> {
+        Waiting { rgb: Triple([r, g, b]), p: Triple([x, y, z]), weight }
     }
 }
 

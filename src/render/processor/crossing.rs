@@ -83,7 +83,7 @@ impl<L: Lanes> Scene<'_, L> {
         let mut slabs = k - start + one;
         let is_first = chosen & start.le(zero);
         if is_first.any() {
-            // A cut face: what lies between it and the first sample counts, so that the depth is
+            // A cut face: the tissue between it and the first sample counts, so that the depth is
             // the face's.
             let is_face = is_first & zero.lt(self.opacity_at(rays, rays.entry));
             begin = rays.entry.or_where_not(is_face, begin);

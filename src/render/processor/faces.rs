@@ -8,9 +8,14 @@
 use relief_lanes::{Lanes, Mask as _, Real as _, Triple};
 
 use super::super::cut::CutFaces;
-use super::face_light::FaceLight;
+use super::color::NO_GRADIENT;
+use super::face_zone::FaceZone;
+use super::pending::Pending;
 use super::ray::Rays;
 use super::scene::{Hit, Scene};
+
+/// A sample that no ray has.
+const NO_SAMPLE: f64 = 1e30;
 
 /// Cut faces on which the slice is painted.
 pub(super) struct PaintedFaces<L: Lanes> {
@@ -22,15 +27,15 @@ pub(super) struct PaintedFaces<L: Lanes> {
 }
 
 impl<L: Lanes> PaintedFaces<L> {
-    /// The rays, up to what hides them before their faces: for a face at the entry nothing is left.
+    /// The ends of the rays before their faces: at the sphere, or before their first sample.
     #[inline(always)]
-    pub(super) fn end(&self, rays: &Rays<L>, distance_mm: L::Real) -> Rays<L> {
+    pub(super) fn exit(&self, rays: &Rays<L>, distance_mm: L::Real) -> L::Real {
         let is_entry = self.t.le(rays.entry);
         let end = (rays.entry - distance_mm).or_where_not(is_entry, rays.cut[0]);
-        rays.ending_at(end.or_where_not(self.on, rays.exit))
+        end.or_where_not(self.on, rays.exit)
     }
 
-    /// What the rays show, with their faces behind it.
+    /// Hits, with painted faces behind them.
     #[inline(always)]
     pub(super) fn paint(&self, hit: Hit<L>, one: L::Real) -> Hit<L> {
         let behind = Triple::of((one - hit.opacity) * self.grey);
@@ -44,39 +49,66 @@ impl<L: Lanes> PaintedFaces<L> {
 }
 
 impl<L: Lanes> Scene<'_, L> {
-    /// Distances of points at t mm behind the face before them. Behind the sphere they are negative,
-    /// from -1 mm on.
+    /// The zone behind the faces of rays; half a sample wider, for paths.
     #[inline(always)]
-    pub(super) fn behind_face(&self, rays: &Rays<L>, t: L::Real) -> L::Real {
-        let behind = (t - rays.entry).max(self.number(0.0));
-        if !self.is_cut {
-            return behind;
-        }
+    pub(super) fn face_zone(&self, rays: &Rays<L>) -> FaceZone<L> {
+        let half = self.number(0.5);
+        let distance = self.view.distance_mm();
+        let reach = distance + self.view.face_fade_mm();
         let [_, cut_out] = rays.cut;
-        let is_wall = rays.entry.lt(cut_out) & cut_out.le(t);
-        (cut_out - t - self.number(1.0)).or_where_not(is_wall, behind)
+        let behind_sphere = if self.is_cut {
+            let is_met = rays.entry.lt(cut_out);
+            let first =
+                ((cut_out - rays.first) / distance - half).or_where_not(is_met, self.number(NO_SAMPLE));
+            Some([first, (cut_out + reach - rays.first) / distance + half])
+        } else {
+            None
+        };
+        let (mm_per_voxel, start) = rays.along();
+        FaceZone {
+            last: (rays.entry + reach - rays.first) / distance + half,
+            behind_sphere,
+            mm_per_voxel,
+            entry: start + rays.entry,
+            sphere: start + cut_out,
+        }
     }
 
-    /// The faces before points at these distances; `normals` are those of the entry and of the
-    /// sphere.
+    /// The directions by which waiting samples are lit: gradients, or normals of faces where samples
+    /// are marked. Voxel indices, the rays' directions and the gradients of the samples are given.
+    /// Lengths have no meaning.
     #[inline(always)]
-    pub(super) fn face_light(
+    pub(super) fn turned<const N: usize>(
         &self,
-        behind: L::Real,
-        normals: impl FnOnce() -> [Triple<L::Real>; 2],
-    ) -> FaceLight<L> {
+        zone: &FaceZone<L>,
+        pending: &Pending<L, N>,
+        [p, direction, gradient]: [Triple<L::Real>; 3],
+        marked: L::Mask,
+    ) -> Triple<L::Real> {
+        if !marked.any() {
+            return gradient;
+        }
         let (zero, one) = (self.number(0.0), self.number(1.0));
-        let is_wall = behind.lt(zero);
-        let distance = (-behind - one).or_where_not(is_wall, behind);
-        let share = (distance - self.view.distance_mm()) / self.view.face_fade_mm();
-        let shows = share.lt(one).any();
-        let normal = if shows {
-            let [entry, wall] = normals();
-            wall.or_where_not([is_wall; 3], entry)
-        } else {
-            Triple::of(zero)
-        };
-        FaceLight { lanes: self.lanes, share, normal, shows }
+        let along = pending.of_rays(zone.mm_per_voxel).dot(p);
+        let mut behind = along - pending.number_of_rays(zone.entry);
+        let mut normal = pending.of_rays(pending.face_normals[0]);
+        if self.is_cut {
+            let behind_sphere = along - pending.number_of_rays(zone.sphere);
+            // But for rounding; the sphere that a ray does not meet ends before its entry.
+            let margin = -self.view.distance_mm() * self.number(0.01);
+            let is_wall = margin.le(behind_sphere) & behind_sphere.lt(behind);
+            normal = pending.of_rays(pending.face_normals[1]).or_where_not([is_wall; 3], normal);
+            behind = behind_sphere.or_where_not(is_wall, behind);
+        }
+        let share = ((behind - self.view.distance_mm()) * self.view.per_face_fade()).max(zero);
+        let length = gradient.dot(gradient).max(self.number(NO_GRADIENT)).sqrt();
+        // Towards the eye, as normals are.
+        let is_averted = zero.lt(gradient.dot(direction));
+        let per_length = one / length;
+        let slope = gradient.scaled((-per_length).or_where_not(is_averted, per_length));
+        // Slowly at first: opaque bodies show little of the noise behind.
+        let blended = normal.plus_times(slope.minus(normal), share * share);
+        blended.or_where_not([marked & share.lt(one); 3], gradient)
     }
 
     /// The first faces of the chosen rays with a value above the window's lowest, where the request
@@ -104,7 +136,8 @@ impl<L: Lanes> Scene<'_, L> {
 
     #[inline(always)]
     fn face_grey(&self, rays: &Rays<L>, t: L::Real) -> L::Real {
-        let [lowest_hu, per_hu] = self.request.cut.window().map(|value| self.number(value));
+        let [lowest_hu, per_hu] = self.request.cut.window();
+        let (lowest_hu, per_hu) = (self.number(lowest_hu), self.number(per_hu));
         ((self.field.hu(rays.voxel_at(t)) - lowest_hu) * per_hu).min(self.number(1.0))
     }
 }

@@ -12,7 +12,6 @@ use relief_volume::Grid;
 use super::super::light::InPatient;
 use super::super::request::RenderRequest;
 use super::color::{Headlight, NO_GRADIENT};
-use super::face_light::FaceLight;
 use super::field::Field;
 use super::light_cells::LightCells;
 use crate::illumination::Cells;
@@ -68,7 +67,8 @@ impl<'a, L: Lanes> Lights<'a, L> {
         &self.head
     }
 
-    /// The colours of samples at voxel indices, seen along `direction`. The gradient's length does not
+    /// The colours of samples at voxel indices, seen along `direction`. `turn` gives the direction that
+    /// lights them for a gradient. The gradient's length does not
     /// matter; without a gradient there is only ambient light.
     #[inline(always)]
     pub(super) fn lit(
@@ -77,13 +77,12 @@ impl<'a, L: Lanes> Lights<'a, L> {
         rgb: Triple<L::Real>,
         direction: Triple<L::Real>,
         p: Triple<L::Real>,
-        face: Option<&FaceLight<L>>,
+        turn: impl FnOnce(Triple<L::Real>) -> Triple<L::Real>,
     ) -> Triple<L::Real> {
         if !self.need_gradient() {
             return self.head.ambient(rgb);
         }
-        let gradient = field.gradient(p);
-        let gradient = face.map_or(gradient, |face| face.turned(gradient, direction));
+        let gradient = turn(field.gradient(p));
         match &self.placed {
             None => self.head.lit(rgb, gradient, direction),
             Some(placed) => placed.lanes.apart(

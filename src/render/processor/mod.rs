@@ -32,7 +32,7 @@ mod composite;
 mod crossing;
 mod deal;
 mod depth_rules;
-mod face_light;
+mod face_zone;
 mod faces;
 mod field;
 mod history;

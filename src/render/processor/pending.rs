@@ -25,7 +25,8 @@ pub(super) struct Pending<L: Lanes, const N: usize> {
     /// 0, 1, 2 and so on.
     lane_numbers: L::Real,
     directions: Triple<L::Real>,
-    face_normals: [Triple<L::Real>; 2],
+    /// Of their rays: see [`Rays::face_normals`].
+    pub(super) face_normals: [Triple<L::Real>; 2],
     sums: Triple<L::Real>,
 }
 
@@ -73,18 +74,17 @@ impl<L: Lanes, const N: usize> Pending<L, N> {
         (sample, self.of_rays(self.directions))
     }
 
-    /// The normals of the faces before the first samples: where their rays enter, and of the sphere.
-    #[inline(always)]
-    pub(super) fn front_normals(&self) -> [Triple<L::Real>; 2] {
-        let [entry, wall] = self.face_normals;
-        [self.of_rays(entry), self.of_rays(wall)]
-    }
-
     /// The values of the rays of the first samples.
     #[inline(always)]
-    fn of_rays(&self, Triple([x, y, z]): Triple<L::Real>) -> Triple<L::Real> {
-        let rays = self.lanes.place(self.lanes.load(&self.rays));
-        Triple([self.lanes.permuted(x, rays), self.lanes.permuted(y, rays), self.lanes.permuted(z, rays)])
+    pub(super) fn of_rays(&self, Triple([x, y, z]): Triple<L::Real>) -> Triple<L::Real> {
+        // No `map`: it would be a call without the vector instructions.
+        Triple([self.number_of_rays(x), self.number_of_rays(y), self.number_of_rays(z)])
+    }
+
+    /// The same of a number.
+    #[inline(always)]
+    pub(super) fn number_of_rays(&self, value: L::Real) -> L::Real {
+        self.lanes.permuted(value, self.lanes.place(self.lanes.load(&self.rays)))
     }
 
     /// Adds the light of the first samples to their rays, and forgets them.

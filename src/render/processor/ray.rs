@@ -38,6 +38,7 @@ pub(super) struct View<L: Lanes> {
     cut: Option<(Triple<L::Real>, L::Real)>,
     distance_mm: L::Real,
     face_fade_mm: L::Real,
+    per_face_fade: L::Real,
 }
 
 /// The rays of the lanes: points at t mm between `entry` and `exit`.
@@ -97,6 +98,7 @@ impl<L: Lanes> View<L> {
             cut,
             distance_mm: lanes.splat(request.sample_distance_mm),
             face_fade_mm: lanes.splat(face_fade_mm(grid)),
+            per_face_fade: lanes.splat(1.0 / face_fade_mm(grid)),
         }
     }
 
@@ -291,6 +293,12 @@ impl<L: Lanes> View<L> {
         self.near_mm + rays.depth_step * t
     }
 
+    /// One over [`Self::face_fade_mm`].
+    #[inline(always)]
+    pub(super) fn per_face_fade(&self) -> L::Real {
+        self.per_face_fade
+    }
+
     /// Distance over which the light of a cut face fades into that of gradients, mm.
     #[inline(always)]
     pub(super) fn face_fade_mm(&self) -> L::Real {
@@ -327,6 +335,14 @@ impl<L: Lanes> Rays<L> {
     #[inline(always)]
     pub(super) fn voxel_at(&self, t: L::Real) -> Triple<L::Real> {
         self.origin_voxel.plus_times(self.step_voxel, t)
+    }
+
+    /// The vectors whose products with voxel indices of points on the rays are distances, mm, and the
+    /// products at 0 mm.
+    #[inline(always)]
+    pub(super) fn along(&self) -> (Triple<L::Real>, L::Real) {
+        let along = self.step_voxel.over(Triple::of(self.step_voxel.dot(self.step_voxel)));
+        (along, along.dot(self.origin_voxel))
     }
 
     /// The lanes in which the sphere hides the points at t mm. It hides samples but does not move them.

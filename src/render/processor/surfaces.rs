@@ -169,7 +169,7 @@ impl<L: Lanes> Scene<'_, L> {
     ) {
         let shown = if self.is_cut { meets & !rays.is_cut(t) } else { meets };
         let p = rays.voxel_at(t);
-        let lit = self.lights.lit(&self.field, surface.rgb, rays.direction, p, None);
+        let lit = self.lights.lit(&self.field, surface.rgb, rays.direction, p, |gradient| gradient);
         let weight = (self.number(1.0) - trace.opacity) * surface.opacity;
         let weight = weight.or_where_not(shown, self.number(0.0));
         trace.color = trace.color.plus_times(lit, weight);

@@ -224,9 +224,10 @@ impl Presentation {
         &self.display
     }
 
-    /// Whether the scene has overlays or annotations are drawn.
+    /// Whether the scene has overlays besides a caption, or annotations are drawn: a caption follows the
+    /// size of the picture.
     pub(super) fn has_overlays(&self) -> bool {
-        *self.base.request.overlays != Overlays::default() || !self.drawables.is_empty()
+        !self.base.request.overlays.are_a_caption() || !self.drawables.is_empty()
     }
 
     /// Replaces the annotations that are drawn.
