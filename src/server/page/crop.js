@@ -4,11 +4,12 @@
 // Patient coordinates (LPS), mm. A box is its lowest and its highest corner; null is the whole
 // volume.
 
-import { $ } from "./state.js";
 import { decimalsOf, placeWords, stepIn } from "./lengths.js";
 import { keptPlanes, planesQuery, recalledPlanes } from "./planes.js";
 import { Projection } from "./projection.js";
 import { clamp } from "./vectors.js";
+
+const $ = (id) => document.getElementById(id);
 
 /** Sides of a box: patient axis, corner (0 lowest, 1 highest) and name. */
 const SIDES = [[0, 0, "right"], [0, 1, "left"], [1, 0, "front"], [1, 1, "back"], [2, 0, "foot"], [2, 1, "head"]];
