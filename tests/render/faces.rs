@@ -140,7 +140,7 @@ fn cut_faces_are_lit_and_deep_as_planes() {
     let volume = noise();
     let clip = ClipPlane { point: Point::new(0.0, -4.0, 2.0), normal: Vector::new(0.3, 1.4, -0.6) };
     for (what, fov, planes_of_clip) in
-        [("edges", 25.0, vec![]), ("plane", 25.0, vec![clip.clone()]), ("plane, parallel", 0.0, vec![clip])]
+        [("edges", 25.0, vec![]), ("plane", 25.0, vec![clip]), ("plane, parallel", 0.0, vec![clip])]
     {
         let mut request = request(&volume, fov);
         request.clip.planes = planes_of_clip;

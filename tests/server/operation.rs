@@ -85,6 +85,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
         "links",
         "name",
         "origin_mm",
+        "phase",
         "radius_mm",
         "reading_warnings",
         "removable",

@@ -101,7 +101,7 @@ impl<L: Lanes> Scene<'_, L> {
             let (hit, first) =
                 self.composite(&rays.ending_at(exit), walk, start, rule, history, (chosen, on));
             let hit = match faces {
-                Some(faces) => faces.paint(hit, self.number(1.0)),
+                Some(faces) => faces.paint(&hit, self.number(1.0)),
                 None => hit,
             };
             chosen = chosen & !on; // behind a painted face there is nothing

@@ -37,7 +37,7 @@ impl<L: Lanes> PaintedFaces<L> {
 
     /// Hits, with painted faces behind them.
     #[inline(always)]
-    pub(super) fn paint(&self, hit: Hit<L>, one: L::Real) -> Hit<L> {
+    pub(super) fn paint(&self, hit: &Hit<L>, one: L::Real) -> Hit<L> {
         let behind = Triple::of((one - hit.opacity) * self.grey);
         Hit {
             color: hit.color.plus(behind).or_where_not([self.on; 3], hit.color),
