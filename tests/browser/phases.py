@@ -49,7 +49,7 @@ def page(browser, server):
     window.shot("phases")
     seen = set()
     window.page.click("#phases-play")
-    for _ in range(600):
+    for _ in range(3000):
         seen.add(window.page.inner_text("#phase-value"))
         if len(seen) == COUNT:
             break
@@ -83,14 +83,14 @@ def kiosk(browser, server):
     window.shot("kiosk-caption")
     window.key("c")
     seen = set()
-    for _ in range(600):
+    for _ in range(3000):
         seen.add(window.page.title())
         if len(seen) == COUNT:
             break
         window.page.wait_for_timeout(20)
     found["playing"] = sorted(seen)
     window.key("c")
-    window.page.wait_for_timeout(500)
+    window.page.wait_for_timeout(2000)
     window.wait("document.documentElement.dataset.still === 'true'", 60)
     stopped = window.page.title()
     window.page.wait_for_timeout(500)
