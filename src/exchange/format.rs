@@ -342,9 +342,8 @@ mod tests {
         assert_eq!((of("a.nii", b""), of("a.seg.nrrd", b"")), (Some(Format::Nifti), Some(Format::SegNrrd)));
         let object = |class: &str| [[0; 128].as_slice(), b"DICM....", class.as_bytes()].concat();
         assert_eq!(of("any", &object("1.2.840.10008.5.1.4.1.1.88.34")), Some(Format::Sr));
-        for class in ["1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7"] {
-            assert_eq!(of("a.csv", &object(class)), Some(Format::Seg));
-        }
+        assert_eq!(of("a.csv", &object("1.2.840.10008.5.1.4.1.1.66.4")), Some(Format::Seg));
+        assert_eq!(of("a.csv", &object("1.2.840.10008.5.1.4.1.1.66.7")), Some(Format::LabelMap));
         assert_eq!(of("any", &object("1.2.840.10008.5.1.4.1.1.481.3")), Some(Format::RtStruct));
         assert_eq!(of("any.csv", &object("1.2.840.10008.5.1.4.1.1.2")), None);
     }
