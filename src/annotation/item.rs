@@ -206,10 +206,12 @@ impl Item {
         }
     }
 
-    /// Whether it is drawn in this phase of a series; `None` is a series without phases.
+    /// Whether it belongs to this phase of a series, from 1. An item without a phase belongs to all
+    /// phases, and every item belongs to a volume without phases.
     #[must_use]
-    pub fn is_in_phase(&self, shown: Option<u32>) -> bool {
-        self.phase.is_none() || shown.is_none() || self.phase == shown
+    pub fn is_in_phase(&self, shown: Option<usize>) -> bool {
+        let (Some(own), Some(shown)) = (self.phase, shown) else { return true };
+        usize::try_from(own) == Ok(shown)
     }
 
     /// Checks every range, and that state and geometry agree.

@@ -93,7 +93,7 @@ impl FoundSeries {
             SeriesFormat::Isolated(listed) => listed.frame_of_reference.as_deref(),
             SeriesFormat::File => None,
         };
-        let items = match uid {
+        let mut items = match uid {
             Some(uid) => log.items_of(&FrameOfReference::of(Some(uid), "")),
             None if log.has_items_of_volumes() => {
                 let loaded = volume.insert(self.load()?);
@@ -101,6 +101,10 @@ impl FoundSeries {
             }
             None => Vec::new(),
         };
+        if let SeriesFormat::Dicom(entry) = &self.kind {
+            let phase = entry.phase().map(|phase| phase.number);
+            items.retain(|item| item.is_in_phase(phase));
+        }
         if needs_volume && volume.is_none() && !items.is_empty() {
             volume = Some(self.load()?);
         }

@@ -26,8 +26,9 @@ pub(super) fn draw_annotations(
     let id = loaded.volume.content_hash().short();
     let frame = FrameOfReference::of(loaded.identity.frame_of_reference(), &id);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let phase = loaded.identity.phase().map(|phase| phase.number);
     let (listing, contents) =
-        runtime.block_on(read(place, frame, scene)).context("--annotations cannot be read")?;
+        runtime.block_on(read(place, frame, phase, scene)).context("--annotations cannot be read")?;
     let items: Vec<&Item> = listing.items.iter().map(|known| &known.item).collect();
     let shape_of = |geometry: &Geometry| {
         let bytes = contents.get(geometry.content()?)?;
@@ -50,6 +51,7 @@ type Contents = HashMap<ContentId, Vec<u8>>;
 async fn read(
     place: &str,
     frame: FrameOfReference,
+    phase: Option<usize>,
     scene: &Scene,
 ) -> Result<(Listing, Contents), StoreError> {
     let log = Store::open_existing(place).await?;
@@ -60,7 +62,7 @@ async fn read(
     let mut listing = log.list(&filter).await?;
     listing.items.retain(|known| {
         let item = &known.item;
-        scene.annotations.has(&item.set) && (is_named || is_open(&item.set))
+        scene.annotations.has(&item.set) && (is_named || is_open(&item.set)) && item.is_in_phase(phase)
     });
     let mut contents = Contents::new();
     let visible = listing.items.iter().filter(|known| known.item.visible);

@@ -42,6 +42,8 @@ pub struct WriteContext<'a> {
     pub grid: Option<&'a Grid>,
     /// The DICOM series that they belong to: reports and segmentations are about one.
     pub series: Option<&'a SeriesReference>,
+    /// The phase of the series, from 1: items of other phases are left out.
+    pub phase: Option<usize>,
 }
 
 /// The content of a file.

@@ -153,6 +153,9 @@ pub enum NothingLeft {
     /// There are no items.
     #[error("no items are there")]
     NoItems,
+    /// All items belong to other phases of the series.
+    #[error("all items belong to other phases of the series")]
+    OtherPhases,
     /// The items are of other kinds than the format can represent.
     #[error("{format} holds {}; there are {}", holds.join(", "), found.join(", "))]
     Kinds {

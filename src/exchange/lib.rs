@@ -72,7 +72,8 @@ pub fn write(
     items: &[Item],
     context: &WriteContext<'_>,
 ) -> Result<ExportedFile, ExchangeError> {
-    let (mut kept, mut left_out) = loss::kept(format, items)?;
+    let (items, other_phases) = loss::of_phase(items, context.phase);
+    let (mut kept, mut left_out) = loss::kept(format, items, other_phases)?;
     let mut count = kept.len();
     let bytes = match format {
         Format::MrkJson => mrk_json::write(&kept),

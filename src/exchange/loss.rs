@@ -15,23 +15,37 @@ pub struct LeftOut {
     pub items: Vec<ItemId>,
 }
 
+/// The items of a phase, and the loss of the others.
+pub(super) fn of_phase(items: &[Item], phase: Option<usize>) -> (Vec<&Item>, Vec<LeftOut>) {
+    let (kept, others): (Vec<&Item>, Vec<&Item>) = items.iter().partition(|item| item.is_in_phase(phase));
+    let mut lost = Vec::new();
+    tell(&mut lost, "items of other phases", "the file is of one phase", others.into_iter());
+    (kept, lost)
+}
+
 /// The items that a format of texts can hold, in the order of files: by list, place in it and age;
-/// and what gets lost.
-pub(super) fn kept(format: Format, items: &[Item]) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
-    let Some(holds) = format.info().holds else { return Ok((items.iter().collect(), Vec::new())) };
+/// and what gets lost, with the losses so far.
+pub(super) fn kept(
+    format: Format,
+    items: Vec<&Item>,
+    mut lost: Vec<LeftOut>,
+) -> Result<(Vec<&Item>, Vec<LeftOut>), ExchangeError> {
+    if items.is_empty() && !lost.is_empty() {
+        return Err(ExchangeError::Nothing { format, reason: NothingLeft::OtherPhases });
+    }
+    let Some(holds) = format.info().holds else { return Ok((items, lost)) };
     let is_held =
         |item: &Item| item.geometry.as_ref().map_or(holds.undefined, |g| holds.kinds.contains(&g.kind()));
-    let mut kept: Vec<&Item> = items.iter().filter(|item| is_held(item)).collect();
+    let mut kept: Vec<&Item> = items.iter().copied().filter(|item| is_held(item)).collect();
     kept.sort_by_key(|item| (&item.list, item.order, item.created, item.id));
-    let mut lost = Vec::new();
     let kinds = ["point", "line", "angle", "curve", "plane", "region", "mesh"];
     for kind in kinds.into_iter().filter(|kind| !holds.kinds.contains(kind)) {
         let reason = format!("{format} has none ({})", advice(kind));
         let is_kind = |item: &Item| item.geometry.as_ref().is_some_and(|geometry| geometry.kind() == kind);
-        tell(&mut lost, &plural(kind), &reason, items.iter().filter(|item| is_kind(item)));
+        tell(&mut lost, &plural(kind), &reason, items.iter().copied().filter(|item| is_kind(item)));
     }
     if !holds.undefined {
-        let missing = items.iter().filter(|item| item.geometry.is_none());
+        let missing = items.iter().copied().filter(|item| item.geometry.is_none());
         tell(&mut lost, "items without a place", &format!("{format} has none"), missing);
     }
     if kept.is_empty() {
@@ -105,7 +119,7 @@ fn plural(kind: &str) -> String {
 /// The formats that hold items of a kind, as the end of a sentence.
 fn advice(kind: &str) -> &'static str {
     match kind {
-        "region" => "seg.nrrd, nii.gz and seg have",
+        "region" => "seg.nrrd, nii.gz, seg and labelmap have",
         "mesh" => "ply, stl, obj and glb have",
         _ => "mrk.json has",
     }

@@ -3,9 +3,9 @@
 //! A content is always a `.seg.nrrd` file of this crate's own with one layer, whatever the file was
 //! that it came in; regions of a file share one, or one for each layer where they overlap. A
 //! written map has the segments of all regions, numbered from 1 in their order. Where regions
-//! overlap, they are in layers (seg.nrrd) or have frames of their own (seg); in NIfTI, which has
-//! one label for a voxel, the later one has it. Maps of other grids are resampled by the nearest
-//! voxel.
+//! overlap, they are in layers (seg.nrrd) or have frames of their own (seg). NIfTI and DICOM label
+//! maps have one label for a voxel: there the later region has it. Maps of other grids are
+//! resampled by the nearest voxel.
 
 use std::collections::BTreeMap;
 
@@ -105,7 +105,7 @@ pub(super) struct LabelMapParts {
 }
 
 /// The layers of all regions, on the given grid or else that of the first region; the items of its
-/// labels from 1; and the losses. NIfTI has one layer.
+/// labels from 1; and the losses. NIfTI and DICOM label maps have one layer.
 ///
 /// # Errors
 /// When a content is not there or no label map, or regions overlap in too many layers.

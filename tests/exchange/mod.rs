@@ -45,7 +45,11 @@ fn read(format: Format, bytes: impl AsRef<[u8]>) -> Result<Imported, ExchangeErr
 }
 
 fn write(format: Format, items: &[Item]) -> Result<ExportedFile, ExchangeError> {
-    relief_exchange::write(format, items, &WriteContext { contents: &|_| None, grid: None, series: None })
+    relief_exchange::write(
+        format,
+        items,
+        &WriteContext { contents: &|_| None, grid: None, series: None, phase: None },
+    )
 }
 
 /// The error of a refused file.

@@ -18,7 +18,7 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
     let own = |items: Vec<Item>| -> Vec<Item> {
         items.into_iter().map(|item| Item { frame_of_reference: Some(frame.clone()), ..item }).collect()
     };
-    let alone = WriteContext { contents: &|_| None, grid: None, series: None };
+    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
     let refused = relief_exchange::write(Format::Sr, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.starts_with("sr needs a DICOM series"), "{refused}");
     let context = WriteContext { series: Some(&series.reference), ..alone };
@@ -37,7 +37,8 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
     assert!(refused.contains("another one than the series'"), "{refused}");
     assert!(!refused.contains(&frame.0) && !refused.contains("1.2.3.4"), "a UID leads to a patient");
     // Losses of a report are listed for each item.
-    let context = WriteContext { contents: &|_| None, grid: None, series: Some(&series.reference) };
+    let context =
+        WriteContext { contents: &|_| None, grid: None, series: Some(&series.reference), phase: None };
     let written = relief_exchange::write(Format::Sr, &own(everything()), &context).unwrap();
     let lost: usize =
         written.left_out.iter().filter(|lost| lost.what == "items").map(|lost| lost.items.len()).sum();
@@ -63,8 +64,12 @@ fn regions_become_a_segmentation_of_the_series() {
     let imported = relief_exchange::read(Format::SegNrrd, &bytes, &CONTEXT).unwrap();
     let content = imported.contents[0].2.clone();
     let contents = |_: &relief_annotation::ContentId| Some(content.clone());
-    let context =
-        WriteContext { contents: &contents, grid: Some(&series.grid), series: Some(&series.reference) };
+    let context = WriteContext {
+        contents: &contents,
+        grid: Some(&series.grid),
+        series: Some(&series.reference),
+        phase: None,
+    };
     let written = relief_exchange::write(Format::Seg, &imported.items, &context).unwrap();
     assert_eq!(
         (written.items, Format::of(std::path::Path::new("x"), &written.bytes)),
@@ -102,7 +107,7 @@ fn contours_become_curves_in_lists_of_their_structures() {
     }
     let refused = relief_exchange::read(Format::RtStruct, &bytes[..300], &CONTEXT).unwrap_err().to_string();
     assert!(refused.starts_with("rtstruct: "), "{refused}");
-    let alone = WriteContext { contents: &|_| None, grid: None, series: None };
+    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
     let refused = relief_exchange::write(Format::RtStruct, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.contains("rtstruct cannot be written (can be: mrk.json"), "{refused}");
 }

@@ -78,10 +78,8 @@ async fn phases_are_listed_with_their_number_and_framed_alike() {
     }
 }
 
-/// Invariant: While the phases of a series play, the camera stays, and all phases have one range of
-/// depth.
 #[tokio::test]
-async fn phases_play_in_their_order_from_where_the_view_is() {
+async fn phases_play_from_where_the_view_is_until_they_are_stopped() {
     let running = Running::new().await;
     let ids = add_phases(&running.stage);
     let settings = json!({ "play": { "phases_per_s": 20 } });
@@ -94,7 +92,7 @@ async fn phases_play_in_their_order_from_where_the_view_is() {
         }
     };
     let mut seen: Vec<usize> = Vec::new();
-    // The order is that of the phases; a busy machine leaves some out.
+    // A busy machine leaves phases out.
     while ids.iter().enumerate().any(|(at, _)| !seen.contains(&at)) || seen.len() < 7 {
         let state = state(&mut client).await;
         assert_eq!(state["phases_per_s"], 20.0, "{state}");
@@ -150,7 +148,8 @@ async fn phases_that_are_not_there_are_refused_with_those_that_are() {
     assert!(problem.to_string().contains("0.1 to 60"), "{problem}");
 }
 
-/// Invariant: An annotation names the phase in which it was placed, and is drawn in that phase only.
+/// Invariant: An annotation names the phase in which it was placed, and is drawn, exported and
+/// grabbed in that phase only.
 #[tokio::test]
 async fn annotations_belong_to_the_phase_in_which_they_were_placed() {
     let mut stage = Stage::annotated().await;
@@ -179,4 +178,54 @@ async fn annotations_belong_to_the_phase_in_which_they_were_placed() {
     assert_eq!(moved.json()["events"][0]["item"]["phase"], 3, "{}", moved.text());
     assert_eq!(made.len(), 1);
     assert_eq!(drawn(&mut stage, &ids[2]).await, ["tip"]);
+    // Exports hold what the phase shows, and say what they leave out.
+    let also = stage.create("anna", json!([point("base", [0.0; 3])])).await;
+    let exported = stage.annotate(Method::GET, "/export?format=mrk.json", "anna", Value::Null).await;
+    assert!(exported.text().contains("base") && exported.text().contains("tip"), "one phase");
+    stage.id.clone_from(&ids[0]);
+    let none = stage.annotate(Method::GET, "/export?format=mrk.json", "anna", Value::Null).await;
+    assert_eq!((none.status.as_u16(), also.len()), (422, 1));
+    assert!(none.text().contains("other phases"), "{}", none.text());
+}
+
+#[tokio::test]
+async fn landmarks_of_other_phases_are_not_grabbed() {
+    let running = Running::annotated().await;
+    let ids = add_phases(&running.stage);
+    let settings = json!({ "annotations": "s" });
+    let hello = json!({ "volume": ids[0], "view": "theatre", "author": "anna", "settings": settings });
+    let (mut client, _) = running.hello(hello).await;
+    let mut seq = 0;
+    let mut edit = async |client: &mut Client, phase: &str, point_mm: [f64; 3]| {
+        for value in [
+            json!({ "intent": "cursor", "point_mm": point_mm }),
+            json!({ "intent": "place", "phase": phase }),
+        ] {
+            seq += 1;
+            client.send(&intent(seq, value)).await;
+        }
+    };
+    let made = async |client: &mut Client| loop {
+        let event = client.event("annotations").await["events"][0].clone();
+        if event.is_object() {
+            return event;
+        }
+    };
+    edit(&mut client, "commit", [1.0, 2.0, 3.0]).await;
+    let placed = made(&mut client).await;
+    assert_eq!(placed["item"]["phase"], 1, "{placed}");
+    // Dragging from its place makes a new point in another phase, and moves it in its own.
+    for (at, version) in [(1, 1), (0, 2)] {
+        client.send(&json!({ "type": "settings", "volume": ids[at] })).await;
+        state_of(&mut client, &ids[at]).await;
+        edit(&mut client, "take", [1.0, 2.0, 3.0]).await;
+        edit(&mut client, "commit", [-9.0, 2.0, 3.0]).await;
+        let event = made(&mut client).await;
+        assert_eq!(
+            (&event["version"], &event["item"]["phase"]),
+            (&json!(version), &json!(at + 1)),
+            "{event}"
+        );
+        assert_eq!(event["id"] == placed["id"], version == 2, "{event}");
+    }
 }

@@ -20,7 +20,7 @@ use relief_store::Filter;
 The command reports values that the format cannot represent, with the number of items; docs/ANNOTATIONS.md has a table of formats. The
 file appears whole or not at all. All places are in patient LPS mm.
 
-With --series, items of other series are left alone.
+With --series, items of other series are left alone. With --phase, so are items of other phases.
 
 Examples:
   relief annotate --db ann.db export --format mrk.json --out skull.mrk.json
@@ -78,6 +78,7 @@ pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Re
         contents: &|id| contents.get(id).cloned(),
         grid: series.as_ref().map(|series| &series.grid),
         series: reference.as_ref(),
+        phase: series.as_ref().and_then(|series| series.phase),
     };
     let written = relief_exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;

@@ -35,6 +35,8 @@ pub(super) struct Series {
     /// The series' DICOM attributes; none for a volume in a single file, or for files without
     /// UIDs.
     pub(super) reference: Option<SeriesReference>,
+    /// The number of its phase, from 1, if the series has phases.
+    pub(super) phase: Option<usize>,
 }
 
 impl SeriesArguments {
@@ -54,6 +56,7 @@ impl Series {
         let uid = loaded.identity.frame_of_reference().map(str::to_owned);
         // Without a UID: derived from the content of the volume.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));
-        Self { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone(), reference }
+        let phase = loaded.identity.phase().map(|phase| phase.number);
+        Self { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone(), reference, phase }
     }
 }

@@ -43,7 +43,7 @@ impl Annotations {
     ) -> Result<Drawables, Problem> {
         let snapshot = self.snapshot(&entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, author);
-        let phase = entry.phase().and_then(|phase| u32::try_from(phase.number).ok());
+        let phase = entry.phase().map(|phase| phase.number);
         let is_drawn =
             |item: &Item| shown.has(&item.set) && visible.sees(&item.set) && item.is_in_phase(phase);
         let items: Vec<&Item> =

@@ -258,7 +258,8 @@ async fn written(
         let without = entry.reference.as_deref().filter(|_| deidentify).map(SeriesReference::deidentified);
         let series = without.as_ref().or(entry.reference.as_deref());
         let items = if deidentify { deidentified(items) } else { items };
-        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series };
+        let phase = entry.phase().map(|phase| phase.number);
+        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series, phase };
         relief_exchange::write(format, &items, &context)
     };
     let written = engine.blocking("writing annotations", job).await?;

@@ -185,9 +185,10 @@ impl EditAuthor<'_> {
     ) -> Result<Option<HeldLandmark>, Problem> {
         let snapshot = self.annotations.snapshot(&self.entry.frame_of_reference()).await?;
         let visible = Visible::new(&snapshot.sets, Some(self.author));
+        let phase = self.entry.phase().map(|phase| phase.number);
         let may = |known: &&Arc<Versioned>| {
             let Item { visible: is_visible, set, locked, .. } = &known.item;
-            let is_drawn = *is_visible && self.shown.has(set);
+            let is_drawn = *is_visible && self.shown.has(set) && known.item.is_in_phase(phase);
             is_drawn && !locked && visible.expect_writable(set).is_ok()
         };
         Ok(HeldLandmark::nearest(snapshot.items.iter().filter(may), at, reach_mm, epoch))

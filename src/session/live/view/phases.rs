@@ -107,3 +107,59 @@ impl Inner {
         Ok(Some(self.stepped + interval))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::Viewer;
+    use crate::live::presentation::Presentation;
+    use crate::volumes::LoadedVolume;
+    use relief_dicom::{Phase, SeriesIdentity};
+    use relief_live::{Intent, Play, Role, Settings};
+    use relief_volume::{Grid, Volume};
+
+    const COUNT: usize = 5;
+
+    /// Invariant: Phases play in their order and at their pace, and the camera stays.
+    #[test]
+    fn phases_follow_each_other_by_the_clock() {
+        let volumes = Volumes::within(1 << 20);
+        // Loaded in another order than their own.
+        for number in [3, 1, 5, 2, 4] {
+            let grid = Grid::axis_aligned([4; 3], [1.0; 3], [0.0; 3]).unwrap();
+            let volume = Volume::new(grid, vec![100 * i16::try_from(number).unwrap(); 64]).unwrap();
+            let identity = SeriesIdentity::new("1.2.6", "1.2.7").in_phase(Phase { number, count: COUNT }, 1);
+            let (warnings, reference, labels) = (Vec::new(), None, None);
+            let loaded = LoadedVolume { volume, warnings, identity: Some(identity), reference, labels };
+            volumes.add_own(loaded, None).unwrap();
+        }
+        let first = find_phase(&volumes, &volumes.first().unwrap(), 1).unwrap();
+        let settings = Settings { play: Some(Play::Phases { per_s: 10.0 }), ..Settings::default() };
+        let presentation = Presentation::new(first, &settings, None).unwrap();
+        let start = Instant::now();
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        let view = View::new("a".to_owned(), presentation, start);
+        let phases = |of: &Arc<VolumeEntry>| volumes.phases_of(of);
+        assert_eq!(view.play(phases, at(100)), None, "nobody watches");
+        view.join(&Viewer::new(1, Role::Presenter, false, start));
+        let turn = Intent::Orbit { azimuth_deg: 40.0, elevation_deg: 0.0 };
+        view.apply_intents(None, &[turn], 0, start);
+        let camera = view.record().orientation_xyzw;
+        // Milliseconds, the phase that is shown then, and when the next one is due.
+        for (now, shown, due) in [
+            (0, 1, 100),
+            (99, 1, 100),
+            (100, 2, 200),
+            (205, 3, 300), // late
+            (299, 3, 300), // on time all the same
+            (510, 1, 600), // phases 4 and 5 are left out, and the first follows
+            (600, 2, 700),
+            (1200, 3, 1300), // a whole round is left out
+            (9000, 4, 9100), // after a long pause with the next one
+        ] {
+            assert_eq!(view.play(phases, at(now)), Some(at(due)), "at {now} ms");
+            assert_eq!(view.entry().phase().map(|phase| phase.number), Some(shown), "at {now} ms");
+            assert_eq!(view.record().orientation_xyzw, camera, "at {now} ms");
+        }
+    }
+}
