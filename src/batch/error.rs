@@ -267,7 +267,7 @@ pub enum ViewError {
 #[derive(Debug, thiserror::Error)]
 pub enum SkipReason {
     /// View set `time` was planned, and the series has no phases.
-    #[error("it has no phases, which view set time shows")]
+    #[error("it has no phases, and view set time needs them")]
     NoPhases,
     /// A file of voxels cannot be used.
     #[error(transparent)]

@@ -12,7 +12,9 @@ use super::gate::MemoryBudget;
 use super::manifest::Job;
 use super::run_state::RunState;
 use super::source::{BudgetedVolume, LastLook, SeriesSource};
-use relief_render::{Preparation, PreparedVolume, Scene, SceneError, SceneFile, Subject, SubjectContent};
+use relief_render::{
+    Preparation, PreparedVolume, Scene, SceneError, SceneFile, Subject, SubjectContent, name_of, with_hash,
+};
 
 /// The time for which a permanent failure of a series holds: it may be mended while a worker runs.
 const BROKEN_FOR: Duration = Duration::from_secs(10);
@@ -131,9 +133,12 @@ fn with_scenes<'a, J: Borrow<Job>>(
 fn scene_of(loaded: &BudgetedVolume<'_>, job: &Job) -> Result<Scene, SeriesError> {
     let permanent = |error: SceneError| SeriesError::permanent(&error);
     let mut subject = Subject::of(&loaded.volume, loaded.labels.as_ref());
+    let name;
     if let Some(look) = &loaded.look {
         let (occupancy, tissue) = (Some(&*look.occupancy), &look.tissue);
         subject.content = SubjectContent::Known { occupancy, tissue, anatomy: look.anatomy };
+        name = with_hash(&name_of(look.anatomy, subject.grid), loaded.volume.content_hash());
+        subject.name = Some(&name);
     }
     let file = SceneFile::from_value(&job.scene).map_err(permanent)?;
     let mut scene = file.resolve_for(&subject, &job.orbit).map_err(permanent)?;

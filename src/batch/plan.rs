@@ -65,7 +65,7 @@ pub struct Request {
 pub struct Plan {
     /// All views of a series side by side; series in the order of their paths.
     pub jobs: Vec<Job>,
-    /// The number of series.
+    /// The number of series that the jobs name; view set `time` names a series with phases once.
     pub series: usize,
     /// The number of series that the query leaves out.
     pub unwanted: usize,
@@ -110,7 +110,6 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
             Vec::new()
         });
         let time = time_jobs(&found, request, &known);
-        planned.series += usize::from(request.views.is_time() && !time.is_empty());
         for found in found {
             found_any = true;
             let path = found.source.path.clone();
@@ -123,11 +122,8 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
                 continue;
             }
             match jobs_of(&found, request, &mut planned.skipped)? {
-                Ok(jobs) => {
-                    planned.series += 1;
-                    planned.jobs.extend(jobs);
-                }
-                // Its pictures are those of its series' phases.
+                Ok(jobs) => planned.jobs.extend(jobs),
+                // A phase has its views in `time`.
                 Err(SkipReason::NoPhases) if !time.is_empty() => {}
                 Err(reason) => planned.skipped.push((path, reason)),
             }
@@ -135,6 +131,7 @@ pub fn plan(request: &Request, report: &mut dyn FnMut(usize, usize)) -> Result<P
         planned.jobs.extend(time);
     }
     report(places.len(), places.len());
+    planned.series = planned.jobs.iter().map(|job| &job.series.name).collect::<HashSet<_>>().len();
     if !found_any {
         return Err(PlanError::NoSeries { path: root.clone(), skipped: planned.skipped });
     }
@@ -183,9 +180,9 @@ fn jobs_of(
     Ok(Ok(views.into_iter().map(job).collect()))
 }
 
-/// The jobs of view set `time` of the series of one place: each picture shows the next phase from the
-/// next side. All have the framing and the table of the first phase, and the depth range of the
-/// volume's box. Jobs of one phase are neighbours, so that it is loaded once.
+/// The jobs of view set `time` for the series with phases in one place. Each picture shows the next
+/// phase from the next side. All pictures have the framing and the table of the first phase, and the
+/// depth range of the volume's box. The jobs of a phase follow each other, so that it is loaded once.
 fn time_jobs(found: &[FoundSeries], request: &Request, known: &HashSet<String>) -> Vec<Job> {
     let mut jobs = Vec::new();
     for phases in regions(found) {
