@@ -1,18 +1,21 @@
-//! The samples of rays that lie behind cut faces, no further than the light of a face reaches; see
-//! [`faces`](super::faces).
+//! Zones behind cut faces on the processor, for several rays at once; see [`faces`](super::faces).
+//!
+//! Samples are numbered along each ray. Distances are in mm along the ray.
 
 use relief_lanes::{Lanes, Real as _, Triple};
 
-/// The samples that lie behind faces, no further than their light reaches.
+/// The samples that are lit by a cut face: those behind it, as far as its light reaches.
 pub(super) struct FaceZone<L: Lanes> {
     /// The last sample behind the entry.
     pub(super) last: L::Real,
     /// The first and the last sample behind the sphere, where there is one.
     pub(super) behind_sphere: Option<[L::Real; 2]>,
-    /// Distances along the rays, mm, are products of voxel indices with these vectors, from these
-    /// numbers on: behind the entry, and behind the sphere.
+    /// The dot product of a voxel index with this vector is a distance along the ray, mm. The
+    /// face's own value is subtracted from it.
     pub(super) mm_per_voxel: Triple<L::Real>,
+    /// The value of that product where the ray enters the volume.
     pub(super) entry: L::Real,
+    /// The value where it leaves the sphere.
     pub(super) sphere: L::Real,
 }
 
