@@ -278,11 +278,13 @@ fn check_outputs(out: &Output, depth_out: Option<&Output>) -> anyhow::Result<()>
 /// The settings chosen for the anatomy, with the reason.
 fn chosen(scene: &Scene) -> Option<String> {
     let anatomy = scene.chosen?;
-    if matches!(scene.request.mode, Mode::Slice(_)) {
-        let [center, width] = anatomy.window_hu();
-        return Some(format!("window {center},{width} HU for {anatomy}; --window-hu shows another"));
+    let is_slice = matches!(scene.request.mode, Mode::Slice(_));
+    if let Some(preset) = anatomy.preset().filter(|_| !is_slice) {
+        return Some(format!("preset {} for {anatomy}; --preset shows another", preset.name));
     }
-    Some(format!("preset {} for {anatomy}; --preset shows another", anatomy.preset().name))
+    let [center, width] = anatomy.window_hu();
+    let unit = anatomy.quantity().unit();
+    Some(format!("window {center},{width} {unit} for {anatomy}; --window-hu shows another"))
 }
 
 /// The files of a picture.

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::attributes::quoted;
 use super::batches;
+use super::distinctions::{Distinction, HU};
 use super::error::{Defect, Error, Reasons};
 use super::grouping;
 use super::header::{self, FrameHeader, Rejection};
@@ -221,12 +222,17 @@ pub(super) fn header_warnings(frames: &[FrameHeader]) -> Vec<Warning> {
         |frame| frame.file.lossy,
         "LossyImageCompression (0028,2110): found 01; HU are those of the compressed images",
     );
-    let values = frames.iter().find_map(|frame| Some((frame, frame.file.other_values.as_ref()?)));
-    let values = values.map(|(frame, found)| {
+    let quantity = |frame: &FrameHeader| frame.distinctions.get(Distinction::Quantity) != HU;
+    let values = frames.iter().find(|frame| quantity(frame)).map(|frame| {
+        let rounded = if frame.rescale.is_whole() {
+            "not converted".to_owned()
+        } else {
+            format!("rounded to whole numbers, from steps of {}", frame.rescale.slope)
+        };
         let message = format!(
-            "RescaleType (0028,1054): found {}, expected HU; the values were not converted, and presets and windows in HU \
-             do not suit them; first: {frame}",
-            quoted(found)
+            "RescaleType (0028,1054): found {}, expected HU; the values were {rounded}, and presets and windows in HU do \
+             not suit them; first: {frame}",
+            quoted(frame.distinctions.get(Distinction::Quantity))
         );
         Warning::new(WarningCode::OtherValues, message)
     });

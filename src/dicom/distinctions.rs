@@ -1,8 +1,8 @@
-//! Values in which slices of one series may differ although they lie on one grid: derivation,
-//! kernel, energy, thickness, pass, phase, time.
+//! Values in which slices of one series may differ although they lie on one grid: quantity,
+//! derivation, kernel, energy, thickness, pass, phase, time.
 //!
 //! They are texts without padding; numbers have one spelling ("2" for "2.0"). An absent value is
-//! empty. [`grouping`](super::grouping) decides what a difference means.
+//! empty, but an absent quantity is HU. [`grouping`](super::grouping) decides what a difference means.
 
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
@@ -14,6 +14,7 @@ use super::groups::Groups;
 /// An attribute that may distinguish slices of one grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Distinction {
+    Quantity,
     ImageType,
     Kernel,
     Energy,
@@ -27,11 +28,15 @@ pub(super) enum Distinction {
     Description,
 }
 
+/// The quantity of values whose files name none.
+pub(super) const HU: &str = "HU";
+
 /// Number of [`Distinction`]s.
-const COUNT: usize = 11;
+const COUNT: usize = 12;
 
 impl Distinction {
     const ALL: [Self; COUNT] = [
+        Self::Quantity,
         Self::ImageType,
         Self::Kernel,
         Self::Energy,
@@ -48,6 +53,7 @@ impl Distinction {
     /// Keyword and tag, for messages.
     pub(super) const fn attribute(self) -> &'static str {
         match self {
+            Self::Quantity => "RescaleType (0028,1054)",
             Self::ImageType => "ImageType (0008,0008)",
             Self::Kernel => "ConvolutionKernel (0018,1210)",
             Self::Energy => "KVP (0018,0060)",
@@ -67,6 +73,7 @@ impl Distinction {
     /// The attribute of classic objects.
     const fn tag(self) -> Tag {
         match self {
+            Self::Quantity => tags::RESCALE_TYPE,
             Self::ImageType => tags::IMAGE_TYPE,
             Self::Kernel => tags::CONVOLUTION_KERNEL,
             Self::Energy => tags::KVP,
@@ -84,6 +91,7 @@ impl Distinction {
     /// Functional group and attribute of a frame of an enhanced object (PS3.3 C.7.6.16, C.8.15).
     const fn of_frame(self) -> Option<(Tag, Tag)> {
         match self {
+            Self::Quantity => Some((tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tags::RESCALE_TYPE)),
             Self::ImageType => Some((tags::CT_IMAGE_FRAME_TYPE_SEQUENCE, tags::FRAME_TYPE)),
             Self::Kernel => Some((tags::CT_RECONSTRUCTION_SEQUENCE, tags::CONVOLUTION_KERNEL)),
             Self::Energy => Some((tags::CTX_RAY_DETAILS_SEQUENCE, tags::KVP)),
@@ -117,7 +125,9 @@ impl Distinctions {
         Self(Distinction::ALL.map(|distinction| {
             let of_frame = distinction.of_frame().map(|(group, tag)| (groups.find(frame, group, tag), tag));
             let value = of_frame.map(|(data, tag)| value(data, tag)).filter(|value| !value.is_empty());
-            value.unwrap_or_else(|| self::value(groups.top, distinction.tag())).into_boxed_str()
+            let value = value.unwrap_or_else(|| self::value(groups.top, distinction.tag()));
+            let is_hu = distinction == Distinction::Quantity && value.is_empty();
+            if is_hu { HU.into() } else { value.into_boxed_str() }
         }))
     }
 

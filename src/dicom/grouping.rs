@@ -3,6 +3,7 @@
 //! | Slices differ in | Effect |
 //! |---|---|
 //! | patient, study, series or frame of reference | separate: positions and people are not comparable |
+//! | RescaleType | separate: HU and other quantities are not comparable |
 //! | SOP class, matrix size, pixel spacing, orientation, StackID | separate: no common grid |
 //! | derivation, kernel, energy, thickness | separate where their ranges along the normal overlap: between the slices of one kind lie those of another. One behind the other they are one stack, with [`WarningCode::MixedSlices`] |
 //! | temporal position, AcquisitionNumber | separate where they overlap by more than [`FEW_SLICES`]: passes of one region. Rotations of step-and-shoot scans meet, and are one stack; where they overlap, with [`WarningCode::MixedSlices`] |
@@ -86,6 +87,7 @@ fn of_uid(uid: &str, frames: Vec<FrameHeader>, budget: &Budget) -> Vec<SeriesEnt
     let frame_of_reference = |frame: &FrameHeader| frame.file.frame_of_reference_uid.clone();
     groups = each(groups, |group| by_number(group, "frame of reference", frame_of_reference));
     groups = each(groups, without_copies);
+    groups = each(groups, |group| by_value(group, Distinction::Quantity));
     groups = each(groups, by_shape);
     groups = each(groups, |group| by_value(group, Distinction::Stack));
     for kind in KINDS {

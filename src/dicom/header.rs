@@ -52,8 +52,6 @@ pub(super) struct FileHeader {
     /// Extended Offset Table (7FE0,0001), 64-bit little-endian offsets; empty when absent.
     pub(super) extended_offsets: Vec<u8>,
     pub(super) missing_rescale: bool,
-    /// RescaleType (0028,1054) where it is not HU.
-    pub(super) other_values: Option<String>,
     pub(super) lossy: bool,
 }
 
@@ -252,7 +250,6 @@ fn read_from(source: &FileSource, bytes: Bytes, budget: &Budget) -> Result<Vec<F
         memory_bytes: source.memory_bytes() + object.inflated_bytes(),
         extended_offsets: extended_offsets(&walked.data, frames),
         missing_rescale: rescales.iter().any(Option::is_none),
-        other_values: (0..frames).find_map(|frame| other_values(&groups, frame)),
         lossy: text(&walked.data, tags::LOSSY_IMAGE_COMPRESSION) == "01",
         syntax: object.syntax,
         layout,
@@ -286,7 +283,7 @@ impl FileHeader {
             &self.modality,
             &self.sop_class,
         ];
-        let texts: usize = texts.into_iter().chain(&self.other_values).map(String::len).sum();
+        let texts: usize = texts.into_iter().map(String::len).sum();
         (size_of::<Self>() + texts + self.extended_offsets.len()) as u64
     }
 }
@@ -432,12 +429,6 @@ fn rescale(groups: &Groups<'_>, frame: u32, layout: &PixelLayout) -> Result<Opti
     let [intercept] = numbers(intercepts, INTERCEPT, "a number")?;
     check(slope != 0.0, SLOPE, &slope, "a number other than 0")?;
     Ok(Some(padding_hu(Rescale { slope, intercept, padding: None })))
-}
-
-/// The type of the values of a frame, unless it is HU or absent (PS3.3 C.11.1.1.2).
-fn other_values(groups: &Groups<'_>, frame: u32) -> Option<String> {
-    let found = text(groups.transformation(frame, tags::RESCALE_TYPE), tags::RESCALE_TYPE);
-    (!found.is_empty() && found != "HU").then_some(found)
 }
 
 /// PixelPaddingValue as a stored value; its sign follows PixelRepresentation.

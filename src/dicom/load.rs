@@ -26,7 +26,7 @@ use super::warnings::{Warning, WarningCode};
 use crate::progress::Progress;
 use crate::progress::Stage;
 use relief_base::{Budget, Transform};
-use relief_volume::{Grid, Volume};
+use relief_volume::{Grid, Quantity, Volume};
 
 /// A loaded series.
 #[derive(Clone, Debug)]
@@ -141,15 +141,16 @@ fn load_voxels(
     let (frames, hu, decoding) = decode(frames, &entry.budget, strictness, progress)?;
     warnings.extend(decoding);
     let stack = Stack::new(&frames);
-    let identity = entry.identity();
+    let (identity, quantity) = (entry.identity(), Quantity::of_rescale_type(entry.value_type()));
     if stack.len() == 1 {
-        return single(&frames[0], &stack, hu, identity, warnings);
+        let loaded = single(&frames[0], &stack, hu, identity, warnings)?;
+        return Ok(Loaded { volume: loaded.volume.of_quantity(quantity), ..loaded });
     }
     let deviation = stack.deviation();
     if deviation.is_none() {
         let grid = grid(&stack, dims(&frames), stack.origin, stack.mean_gap_mm())?;
         return Ok(Loaded {
-            volume: Volume::new(grid, hu)?,
+            volume: Volume::new(grid, hu)?.of_quantity(quantity),
             warnings,
             identity,
             reference: None,
@@ -165,7 +166,8 @@ fn load_voxels(
     let stack_sha256 = OnceLock::from(relief_volume::stack_sha256(&hu));
     drop(hu);
     let grid = grid(&stack, regular.dims, regular.origin(&stack), regular.slice_spacing_mm)?;
-    Ok(Loaded { volume: Volume::new(grid, voxels)?, warnings, identity, reference: None, stack_sha256 })
+    let volume = Volume::new(grid, voxels)?.of_quantity(quantity);
+    Ok(Loaded { volume, warnings, identity, reference: None, stack_sha256 })
 }
 
 /// Strict reading turns warnings into errors.

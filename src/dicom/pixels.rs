@@ -51,6 +51,11 @@ impl Rescale {
         (clipped as i16, hu != clipped)
     }
 
+    /// Whether it gives whole numbers only.
+    pub(super) fn is_whole(self) -> bool {
+        self.slope.fract() == 0.0 && self.intercept.fract() == 0.0
+    }
+
     /// The intercept, when adding it is all there is to do.
     fn offset(self) -> Option<i32> {
         let whole = self.slope == 1.0 && self.intercept.fract() == 0.0 && self.intercept.abs() < 1e6;

@@ -19,6 +19,7 @@ use super::object::{
 };
 use super::reference::{Instance, Plane, SeriesReference};
 use super::segmentation::lab_of_srgb;
+use super::warnings::WarningCode;
 use relief_annotation::{Concept, ItemId, Timestamp};
 use relief_volume::{LabelMap, Segment};
 
@@ -47,6 +48,8 @@ pub struct SegmentationOptions {
     pub is_manual: bool,
     /// Values of segments beyond their names and colours.
     pub meanings: Vec<SegmentMeaning>,
+    /// Warnings of reading the series: Image Comments (0020,4000).
+    pub warnings: Vec<WarningCode>,
 }
 
 /// The meaning of a segment, and its item.
@@ -70,6 +73,7 @@ impl SegmentationOptions {
             made: Timestamp::now(),
             is_manual: false,
             meanings: Vec::new(),
+            warnings: Vec::new(),
         }
     }
 }
@@ -280,6 +284,10 @@ pub(super) fn put_identity(
     let description = limited(&options.description, LONG_STRING_CHARS);
     let description = if description.is_empty() { "Relief segmentation" } else { &description };
     put(object, tags::SERIES_DESCRIPTION, VR::LO, description);
+    let comments = WarningCode::summaries(&options.warnings);
+    if !comments.is_empty() {
+        put(object, tags::IMAGE_COMMENTS, VR::LT, format!("The segmented series: {comments}").as_str());
+    }
     put(object, tags::CONTENT_LABEL, VR::CS, "SEGMENTATION");
     put(object, tags::CONTENT_DESCRIPTION, VR::LO, description);
     let author = limited(&options.author.replace('=', " "), LONG_STRING_CHARS);

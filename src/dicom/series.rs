@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::distinctions::Distinction;
 use super::error::{Error, Reasons};
 use super::header::FrameHeader;
 use super::warnings::Warning;
@@ -96,10 +97,10 @@ impl SeriesEntry {
         syntaxes.join(",")
     }
 
-    /// The type of the values (RescaleType), such as MGML, where it is not HU.
+    /// The type of the values (RescaleType), such as HU or MGML.
     #[must_use]
-    pub fn other_values(&self) -> Option<&str> {
-        self.frames.iter().find_map(|frame| frame.file.other_values.as_deref())
+    pub fn value_type(&self) -> &str {
+        self.frames[0].distinctions.get(Distinction::Quantity)
     }
 
     /// Columns, rows and slices, as found.

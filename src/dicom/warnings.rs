@@ -1,5 +1,7 @@
 //! Warnings: anomalies of a series, and how each was handled.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 /// A message for the user of a volume.
@@ -61,6 +63,15 @@ impl WarningCode {
             Self::GuessedEncoding => "A file does not declare its encoding; it was guessed.",
             Self::LossyCompression => "The images were compressed with loss.",
         }
+    }
+}
+
+impl WarningCode {
+    /// The summaries of these warnings, each once, as one text.
+    #[must_use]
+    pub fn summaries(warnings: &[Self]) -> String {
+        let kinds: BTreeSet<Self> = warnings.iter().copied().collect();
+        kinds.into_iter().map(Self::summary).collect::<Vec<_>>().join(" ")
     }
 }
 

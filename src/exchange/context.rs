@@ -1,7 +1,7 @@
 //! The inputs of a conversion beside the bytes or items, and its result.
 
 use relief_annotation::{ContentId, FrameOfReference, Item};
-use relief_dicom::SeriesReference;
+use relief_dicom::{SeriesReference, WarningCode};
 use relief_volume::Grid;
 
 use crate::LeftOut;
@@ -44,6 +44,8 @@ pub struct WriteContext<'a> {
     pub series: Option<&'a SeriesReference>,
     /// The phase of the series, from 1: items of other phases are left out.
     pub phase: Option<usize>,
+    /// Warnings of reading the series: DICOM segmentations carry them as a comment.
+    pub warnings: &'a [WarningCode],
 }
 
 /// The content of a file.

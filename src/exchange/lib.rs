@@ -104,5 +104,8 @@ pub fn write(
             return Err(ExchangeError::OneWay { format, action: "written", possible });
         }
     }?;
+    if !matches!(format, Format::Seg | Format::LabelMap) {
+        left_out.extend(loss::of_warnings(context.warnings));
+    }
     Ok(ExportedFile { bytes, items: count, left_out })
 }

@@ -3,6 +3,7 @@
 use super::{ExchangeError, Format, NothingLeft};
 use crate::representable::Representable;
 use relief_annotation::{Geometry, Item, ItemId, State};
+use relief_dicom::WarningCode;
 
 /// Something that is not in a written file.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -21,6 +22,16 @@ pub(super) fn of_phase(items: &[Item], phase: Option<usize>) -> (Vec<&Item>, Vec
     let mut lost = Vec::new();
     tell(&mut lost, "items of other phases", "the file is of one phase", others.into_iter());
     (kept, lost)
+}
+
+/// The warnings of the series, which most formats cannot hold.
+pub(super) fn of_warnings(warnings: &[WarningCode]) -> Option<LeftOut> {
+    let reason = WarningCode::summaries(warnings);
+    (!reason.is_empty()).then(|| LeftOut {
+        what: "warnings of the series".to_owned(),
+        reason,
+        items: Vec::new(),
+    })
 }
 
 /// The items that a format of texts can hold, in the order of files: by list, place in it and age;

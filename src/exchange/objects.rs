@@ -142,7 +142,8 @@ pub(super) fn write_segmentation(
         item: Some(item.id),
     };
     let meanings = (1..).zip(items).map(meaning).collect();
-    let options = SegmentationOptions { meanings, made: begun(items), ..SegmentationOptions::by(author) };
+    let (made, warnings) = (begun(items), context.warnings.to_vec());
+    let options = SegmentationOptions { meanings, made, warnings, ..SegmentationOptions::by(author) };
     let series = series(format, context)?;
     let bytes = match (format, maps) {
         (Format::LabelMap, [map]) => relief_dicom::write_label_map(map, series, &options),

@@ -200,6 +200,8 @@ pub(crate) enum Refusal {
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SeriesAnswer {
     pub(crate) grid: WireGrid,
+    /// The unit of the values, by its Rescale Type.
+    pub(crate) unit: String,
     /// Anomalies of the series, and files that were left out.
     pub(crate) warnings: Vec<WarningCode>,
     /// Their messages.

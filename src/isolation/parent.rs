@@ -23,7 +23,7 @@ use relief_annotation::ContentId;
 use relief_base::{Budget, BudgetError};
 use relief_exchange::{Format, Imported, ReadContext};
 use relief_session::{LoadedVolume, PlacedLabels, most_label_voxels};
-use relief_volume::{ContentHasher, Grid, LabelMap, Segment, Volume};
+use relief_volume::{ContentHasher, Grid, LabelMap, Quantity, Segment, Volume};
 
 /// The subcommand that is the child.
 const SUBCOMMAND: &str = "decode-worker";
@@ -154,7 +154,7 @@ impl IsolatedReader {
             answer => return Err(refusal(answer)),
         }
         send(&mut running.socket, &()).map_err(|_| running.ended())?;
-        let SeriesAnswer { grid, warnings, messages, identity, reference } = match running.receive()? {
+        let SeriesAnswer { grid, unit, warnings, messages, identity, reference } = match running.receive()? {
             Answer::Series(answer) => *answer,
             answer => return Err(refusal(answer)),
         };
@@ -165,6 +165,7 @@ impl IsolatedReader {
         let mut hasher = ContentHasher::new(&grid);
         let voxels = running.values(grid.voxel_count(), |part| hasher.update(part))?;
         let volume = Volume::hashed(grid, voxels, hasher).map_err(|_| IsolationError::Invalid)?;
+        let volume = volume.of_quantity(Quantity::of_rescale_type(&unit));
         let reference = reference.map(Arc::new);
         let loaded = LoadedVolume { volume, warnings, identity, reference, labels: None };
         Ok((loaded, messages))

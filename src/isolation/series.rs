@@ -136,6 +136,7 @@ fn send_voxels(
     let loaded = loaded.downsampled(choice.downsample.into());
     let answer = SeriesAnswer {
         grid: loaded.volume.grid().into(),
+        unit: loaded.volume.quantity().unit().to_owned(),
         warnings: loaded.warnings.iter().map(|warning| warning.code).collect(),
         messages: loaded.warnings.into_iter().map(|warning| warning.message).collect(),
         identity: Some(loaded.identity),

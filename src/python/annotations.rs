@@ -60,7 +60,7 @@ pub(crate) fn write_annotations<'py>(
 ) -> PyResult<(Bound<'py, PyBytes>, Vec<String>)> {
     let format = format_of(format)?;
     let items: Vec<Item> = serde_json::from_str(items).map_err(|error| raised(&error))?;
-    let context = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
+    let context = WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] };
     let file = write(format, &items, &context).map_err(|error| raised(&error))?;
     let left_out = file.left_out.iter().map(|left| format!("{}: {}", left.what, left.reason)).collect();
     Ok((PyBytes::new(py, &file.bytes), left_out))

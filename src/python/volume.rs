@@ -153,6 +153,12 @@ impl Volume {
         self.warnings.clone()
     }
 
+    /// The unit of the values: HU, or another RescaleType.
+    #[getter]
+    fn unit(&self) -> &'static str {
+        self.volume.quantity().unit()
+    }
+
     /// The voxels in HU, [k, j, i], as a new array.
     fn to_array<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<i16>>> {
         let (nz, ny, nx) = self.shape();

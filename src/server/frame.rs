@@ -323,6 +323,7 @@ async fn pick(
     found["pixel"] = json!(pixel);
     found["hit"] = json!(depth.is_hit());
     found["hu"] = Value::Null;
+    found["unit"] = entry.anatomy.quantity().unit().into();
     found["depth_mm"] = depth.is_hit().then_some(depth.0).into();
     let point = frame.pick(pixel);
     found["patient_mm"] = point.map(|point| point.xyz.to_array()).map_or(Value::Null, Value::from);

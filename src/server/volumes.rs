@@ -40,11 +40,12 @@ pub(super) fn describe(entry: &VolumeEntry) -> Value {
             "part": entry.anatomy.part.name(),
             "contrast": entry.anatomy.has_contrast,
             "metal": entry.anatomy.has_metal,
-            "preset": entry.anatomy.preset().name,
+            "preset": entry.anatomy.preset().map(|preset| preset.name),
             "window_hu": entry.anatomy.window_hu(),
         },
         "bounds_mm": [bounds.min.xyz.to_array(), bounds.max.xyz.to_array()],
         "hu_range": [low, high],
+        "unit": entry.anatomy.quantity().unit(),
         "phase": entry.phase().map(|phase| json!({
             "number": phase.number,
             "count": phase.count,

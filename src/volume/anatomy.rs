@@ -12,7 +12,7 @@ use std::fmt;
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, Edges, filled_layer};
-use super::{Preset, Volume, preset};
+use super::{Preset, Quantity, Volume, preset};
 
 /// Sides of a cell, mm.
 const CELL_MM: f64 = 4.0;
@@ -45,6 +45,8 @@ pub struct Anatomy {
     pub has_metal: bool,
     /// Whether there is bone, or something as dense.
     pub has_bone: bool,
+    /// The quantity, the lowest and the highest value, if the values are not HU: they show no anatomy.
+    pub other_values: Option<(Quantity, [i16; 2])>,
 }
 
 impl BodyPart {
@@ -66,16 +68,28 @@ impl Anatomy {
     /// The anatomy of a volume from which the table was removed.
     #[must_use]
     pub fn of(volume: &Volume) -> Self {
+        if !volume.quantity().is_hu() {
+            let (low, high) = volume.range_hu();
+            return Self { other_values: Some((volume.quantity(), [low, high])), ..Self::NOTHING };
+        }
         Measures::of(volume).map_or(Self::NOTHING, |measures| measures.anatomy())
     }
 
     /// Of a volume of air.
-    const NOTHING: Self =
-        Self { part: BodyPart::Other, has_contrast: false, has_metal: false, has_bone: true };
+    const NOTHING: Self = Self {
+        part: BodyPart::Other,
+        has_contrast: false,
+        has_metal: false,
+        has_bone: true,
+        other_values: None,
+    };
 
-    /// The preset that suits it.
+    /// The preset that suits it; `None` if the values are not HU, for which presets are made.
     #[must_use]
-    pub fn preset(self) -> &'static Preset {
+    pub fn preset(self) -> Option<&'static Preset> {
+        if self.other_values.is_some() {
+            return None;
+        }
         let name = match (self.part, self.has_contrast) {
             (BodyPart::Head | BodyPart::Limb, true) => "vessels",
             (BodyPart::Chest, true) => "heart",
@@ -84,12 +98,23 @@ impl Anatomy {
             (BodyPart::Other, _) if !self.has_bone => "skin",
             (BodyPart::Head | BodyPart::Skeleton | BodyPart::Other, _) => "bone",
         };
-        preset(name).unwrap_or(&super::PRESETS[0])
+        preset(name)
     }
 
-    /// Centre and width of the window that suits its slices, HU.
+    /// The quantity of the values.
     #[must_use]
-    pub const fn window_hu(self) -> [f64; 2] {
+    pub fn quantity(self) -> Quantity {
+        self.other_values.map_or(Quantity::Hounsfield, |(quantity, _)| quantity)
+    }
+
+    /// Centre and width of the window that suits its slices, HU; that of all values if they are not
+    /// HU.
+    #[must_use]
+    pub fn window_hu(self) -> [f64; 2] {
+        if let Some((_, range)) = self.other_values {
+            let [low, high] = range.map(f64::from);
+            return [(low + high) / 2.0, (high - low).max(1.0)];
+        }
         match (self.part, self.has_contrast) {
             (BodyPart::Head, false) => [40.0, 80.0],
             (BodyPart::Head, true) => [80.0, 240.0],
@@ -105,6 +130,9 @@ impl fmt::Display for Anatomy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let medium = if self.has_contrast { "with contrast medium" } else { "without contrast medium" };
         let metal = if self.has_metal { " and with metal" } else { "" };
+        if let Some((quantity, _)) = self.other_values {
+            return write!(f, "values of type {}", quantity.unit());
+        }
         match self.part {
             BodyPart::Skeleton => write!(f, "bones without soft tissue{metal}"),
             BodyPart::Other => write!(f, "no body part that is known{metal}"),
@@ -176,6 +204,7 @@ impl Measures {
             has_contrast: is_living && share(self.enhanced) > 0.002,
             has_metal: self.metal >= 0.5,
             has_bone: share(self.bone) >= 0.01,
+            other_values: None,
         }
     }
 
@@ -324,16 +353,37 @@ mod tests {
     use super::*;
     use crate::{Grid, PRESETS, Phantom, PhantomKind, PhantomRecipe};
 
+    fn preset_of(anatomy: Anatomy) -> &'static str {
+        anatomy.preset().unwrap().name
+    }
+
+    /// Invariant: Values that are not HU choose no preset and no window that is made for HU.
+    #[test]
+    fn values_that_are_not_hu_show_no_anatomy() {
+        let head = Phantom::head(48).unwrap().volume;
+        let (low, high) = head.range_hu();
+        assert!(head.clone().of_quantity(Quantity::Hounsfield).anatomy().preset().is_some());
+        for quantity in [Quantity::Concentration, Quantity::ModifiedHounsfield, Quantity::Unspecified] {
+            let other = head.clone().of_quantity(quantity);
+            assert_eq!(other.content_hash(), head.content_hash());
+            assert!(other.table().is_none() && other.downsampled(2).quantity() == quantity);
+            let anatomy = other.anatomy();
+            assert!(anatomy.part == BodyPart::Other && anatomy.preset().is_none());
+            let [center, width] = anatomy.window_hu();
+            assert_eq!([center - width / 2.0, center + width / 2.0], [low, high].map(f64::from));
+        }
+    }
+
     #[test]
     fn the_head_phantom_is_a_head_and_spheres_are_no_anatomy() {
         let anatomy = Anatomy::of(&Phantom::head(96).unwrap().volume);
         assert_eq!((anatomy.part, anatomy.has_contrast), (BodyPart::Head, false));
-        assert_eq!((anatomy.preset().name, anatomy.window_hu()), ("bone", [40.0, 80.0]));
+        assert_eq!((preset_of(anatomy), anatomy.window_hu()), ("bone", [40.0, 80.0]));
         assert_eq!(anatomy.to_string(), "a head without contrast medium");
         for kind in [PhantomKind::Sphere, PhantomKind::Slab, PhantomKind::Axes] {
             let phantom = PhantomRecipe::new(kind).with_size(48).unwrap().make();
             let anatomy = Anatomy::of(&phantom.volume);
-            assert_eq!((anatomy.part, anatomy.preset().name), (BodyPart::Other, "bone"), "{kind:?}");
+            assert_eq!((anatomy.part, preset_of(anatomy)), (BodyPart::Other, "bone"), "{kind:?}");
         }
     }
 
@@ -377,7 +427,7 @@ mod tests {
         ] {
             let anatomy = trunk(lung, vessel, width_mm);
             assert_eq!((anatomy.part, anatomy.has_contrast), (part, contrast), "{anatomy:?}");
-            assert_eq!(anatomy.preset().name, name);
+            assert_eq!(preset_of(anatomy), name);
         }
     }
 
@@ -387,8 +437,8 @@ mod tests {
         for part in [Head, Chest, Abdomen, Limb, Skeleton, Other] {
             for flags in 0..8 {
                 let [has_contrast, has_metal, has_bone] = [1, 2, 4].map(|bit| flags & bit != 0);
-                let anatomy = Anatomy { part, has_contrast, has_metal, has_bone };
-                assert!(PRESETS.iter().any(|preset| preset.name == anatomy.preset().name));
+                let anatomy = Anatomy { part, has_contrast, has_metal, has_bone, other_values: None };
+                assert!(PRESETS.iter().any(|preset| preset.name == preset_of(anatomy)));
                 assert!(anatomy.window_hu()[1] > 0.0);
                 assert!(!anatomy.to_string().is_empty());
             }

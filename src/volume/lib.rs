@@ -4,7 +4,8 @@
 //! empty-space skipping, label maps, masks, and procedural phantoms with known truth. It reads no
 //! files (see `dicom`) and uses no GPU (see `render`).
 //!
-//! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z.
+//! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z. Volumes of
+//! other quantities say so ([`Volume::quantity`]); names with `hu` hold their values then.
 
 mod anatomy;
 mod bricks;
@@ -16,6 +17,7 @@ mod labels;
 mod mask;
 mod occupancy;
 mod phantom;
+mod quantity;
 mod table;
 mod transfer;
 
@@ -39,6 +41,7 @@ pub use phantom::{
     Material, Phantom, PhantomKind, PhantomLandmark, PhantomRecipe, PhantomSizeError, PhantomTruth, Surface,
     SurfaceShape, UnknownPhantom,
 };
+pub use quantity::Quantity;
 pub use table::Table;
 pub use transfer::{
     ControlPoint, GradientOpacity, GradientTable, ImportedLight, ImportedTransfer, IntegralTable,
@@ -47,12 +50,13 @@ pub use transfer::{
     import_transfer, linear_from_srgb, preset,
 };
 
-/// A CT volume in HU. Cheap to clone: the voxels are shared.
+/// A CT volume, in HU unless its [`Quantity`] is another. Cheap to clone: the voxels are shared.
 #[derive(Clone)]
 pub struct Volume {
     grid: Grid,
     voxels_hu: Arc<Vec<i16>>,
     range_hu: (i16, i16),
+    quantity: Quantity,
     derived: Arc<Derived>,
 }
 
@@ -108,7 +112,24 @@ impl Volume {
         let wider = |(low, high): (i16, i16), (lower, higher)| (low.min(lower), high.max(higher));
         let range = |voxels: &[i16]| voxels.iter().fold(none, |range, &hu| wider(range, (hu, hu)));
         let range_hu = voxels_hu.par_chunks(1 << 16).map(range).reduce(|| none, wider);
-        Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, derived: Arc::default() })
+        let quantity = Quantity::Hounsfield;
+        Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, quantity, derived: Arc::default() })
+    }
+
+    /// The same voxels as values of a quantity.
+    #[must_use]
+    pub fn of_quantity(self, quantity: Quantity) -> Self {
+        if quantity == self.quantity {
+            return self;
+        }
+        let derived = Derived { hash: self.derived.hash.clone(), ..Derived::default() };
+        Self { quantity, derived: Arc::new(derived), ..self }
+    }
+
+    /// The quantity of the values.
+    #[must_use]
+    pub fn quantity(&self) -> Quantity {
+        self.quantity
     }
 
     /// As [`Self::new`], with the content hash of a hasher of the same grid that has had exactly
@@ -161,10 +182,11 @@ impl Volume {
     }
 
     /// The table on which the patient lies, if there is one; computed once, then remembered by all
-    /// clones.
+    /// clones. It is found by its HU: values of other quantities show none.
     #[must_use]
     pub fn table(&self) -> Option<&Arc<Table>> {
-        self.derived.table.get_or_init(|| Table::find(&self.in_units()).map(Arc::new)).as_ref()
+        let find = || self.quantity.is_hu().then(|| Table::find(&self.in_units()).map(Arc::new)).flatten();
+        self.derived.table.get_or_init(find).as_ref()
     }
 
     /// The same volume with this table, which was found in a volume on the same grid: the phases of a
@@ -182,7 +204,8 @@ impl Volume {
         let removed = self.derived.without_table.get_or_init(|| {
             let (hash, table) = rayon::join(|| self.content_hash(), || self.table());
             let table = table?;
-            let shown = Self::new(self.grid.clone(), table.removed_from(self)).ok()?;
+            let shown =
+                Self::new(self.grid.clone(), table.removed_from(self)).ok()?.of_quantity(self.quantity);
             Some(Self { derived: Derived::without_table(hash.without_table()), ..shown })
         });
         removed.as_ref().unwrap_or(self)
@@ -256,7 +279,7 @@ impl Volume {
             }
         });
         let range_hu = voxels.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &v| (lo.min(v), hi.max(v)));
-        Self { grid, voxels_hu: Arc::new(voxels), range_hu, derived: Arc::default() }
+        Self { grid, voxels_hu: Arc::new(voxels), range_hu, quantity: self.quantity, derived: Arc::default() }
     }
 }
 

@@ -8,6 +8,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use common::{facts, numbers, shared_data, unpacked};
+use dicom_core::VR;
+use dicom_dictionary_std::tags;
+use made::slice_with;
 use serde_json::Value;
 
 fn inspect(path: &Path, options: &[&str]) -> Output {
@@ -92,6 +95,19 @@ fn a_volume_of_nifti_is_described_like_a_series() {
     let refused = inspect(&volume, &[]);
     let said = String::from_utf8_lossy(&refused.stderr);
     assert!(!refused.status.success() && said.contains("srow_x, srow_y, srow_z"), "{said}");
+}
+
+#[test]
+fn inspect_names_the_unit_of_other_values() {
+    let folder = tempfile::tempdir().unwrap();
+    for k in 0..4 {
+        let texts = [(tags::RESCALE_TYPE, VR::LO, "MGML")];
+        std::fs::write(folder.path().join(k.to_string()), slice_with(k as f64, k, &texts)).unwrap();
+    }
+    let report = json(&inspect(folder.path(), &["--json"]));
+    assert_eq!(report["series"][0]["value_type"], "MGML", "{report}");
+    let table = String::from_utf8(inspect(folder.path(), &[]).stdout).unwrap();
+    assert!(table.contains("of RescaleType MGML, not HU"), "{table}");
 }
 
 #[test]

@@ -94,6 +94,40 @@ fn one_instance_uid_of_two_patients_is_no_copy() {
     assert_eq!(counts(folder.path()), [SLICES; 2]);
 }
 
+/// Invariant: Values of different quantities never share a volume, and a volume names its quantity.
+#[test]
+fn values_of_other_quantities_never_share_a_volume() {
+    let of_type = |name| (tags::RESCALE_TYPE, VR::LO, name);
+    for name in ["MGML", "Z_EFF", "ED", "EDW", "PCT", "OD", "US", "HU_MOD", "KARAT"] {
+        for z in PLACES_MM {
+            assert_eq!(counts(two(z, &[of_type("HU")], &[of_type(name)]).path()), [SLICES; 2], "{name} {z}");
+        }
+        let scaled = [of_type(name), (tags::RESCALE_SLOPE, VR::DS, "0.1")];
+        for (texts, treatment) in [
+            (&[of_type(name)][..], "not converted"),
+            (&scaled, "rounded to whole numbers, from steps of 0.1"),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let texts = texts.iter().map(|(tag, vr, text)| (*tag, *vr, (*text).to_owned()));
+            let texts: Vec<_> = texts.collect();
+            write(folder.path(), 1, 0.0, |_| texts.clone());
+            let found = discover(folder.path());
+            let loaded = relief_dicom::load(&found.series[0], Strictness::Lenient, &|_| ()).unwrap();
+            let unit = if name == "KARAT" { "US" } else { name };
+            assert_eq!((loaded.volume.quantity().unit(), found.series[0].value_type()), (unit, name));
+            let warning = &loaded.warnings[0];
+            assert_eq!(warning.code, WarningCode::OtherValues, "{name}");
+            assert!(
+                warning.message.contains(name) && warning.message.contains(treatment),
+                "{}",
+                warning.message
+            );
+        }
+    }
+    // Files without a type have HU.
+    assert_eq!(counts(two(PLACES_MM[0], &[], &[of_type("HU")]).path()), [2 * SLICES]);
+}
+
 #[test]
 fn images_of_other_kinds_do_not_lie_between_each_other() {
     for (tag, vr, first, second) in [

@@ -48,8 +48,13 @@ fn regions_have_the_voxels_that_others_counted() {
     }
     // Written again, and read: renumbered, with the same voxels.
     let contents = contents(&[&imported]);
-    let context =
-        WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None, phase: None };
+    let context = WriteContext {
+        contents: &|id| contents.get(id).cloned(),
+        grid: None,
+        series: None,
+        phase: None,
+        warnings: &[],
+    };
     for format in [Format::SegNrrd, Format::Nifti] {
         let written = relief_exchange::write(format, &imported.items, &context).unwrap();
         assert_eq!(written.items, known.len());
@@ -92,8 +97,13 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     // map.
     let second = read(Format::SegNrrd, map(0.5, &labels, &["tumour", "other"])).unwrap();
     let contents = contents(&[&first, &second]);
-    let context =
-        WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None, phase: None };
+    let context = WriteContext {
+        contents: &|id| contents.get(id).cloned(),
+        grid: None,
+        series: None,
+        phase: None,
+        warnings: &[],
+    };
     let mut items = first.items.clone();
     items.push(Item {
         order: 9,
@@ -116,8 +126,13 @@ fn regions_of_several_maps_are_written_to_one_and_what_overlaps_stays_where_it_c
     assert!(!reported.iter().any(|what| what.contains("voxels")), "{reported:?}");
     // And once more, from the layers.
     let contents = self::contents(&[&back]);
-    let context =
-        WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None, phase: None };
+    let context = WriteContext {
+        contents: &|id| contents.get(id).cloned(),
+        grid: None,
+        series: None,
+        phase: None,
+        warnings: &[],
+    };
     let again = relief_exchange::write(Format::SegNrrd, &back.items, &context).unwrap();
     assert_eq!(found(&read(Format::SegNrrd, &again.bytes).unwrap()), all);
     // NIfTI has one label for each voxel.
@@ -144,7 +159,7 @@ fn invalid_label_maps_are_refused_with_the_reason() {
     let message = relief_exchange::write(
         Format::SegNrrd,
         &imported.items,
-        &WriteContext { contents: &|_| None, grid: None, series: None, phase: None },
+        &WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] },
     )
     .unwrap_err();
     assert!(message.to_string().contains("is not there, allowed: the voxels of the region"), "{message}");
@@ -203,8 +218,13 @@ fn layers_are_read_by_others() {
     labels[..6].copy_from_slice(&[0, 1, 1, 1, 2, 2]);
     let second = read(Format::SegNrrd, map(0.0, &labels, &["tumour", "other"])).unwrap();
     let contents = contents(&[&first, &second]);
-    let context =
-        WriteContext { contents: &|id| contents.get(id).cloned(), grid: None, series: None, phase: None };
+    let context = WriteContext {
+        contents: &|id| contents.get(id).cloned(),
+        grid: None,
+        series: None,
+        phase: None,
+        warnings: &[],
+    };
     let mut items = first.items.clone();
     items.extend((5..).zip(&second.items).map(|(order, item)| Item { order, ..item.clone() }));
     let written = relief_exchange::write(Format::SegNrrd, &items, &context).unwrap();

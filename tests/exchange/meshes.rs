@@ -39,8 +39,13 @@ fn meshes_of_every_format_come_back_where_they_lay() {
         assert!((found.volume_ml.unwrap() - 0.01).abs() < 1e-6, "{format}: {found:?}");
         let (content, media_type, bytes) = &imported.contents[0];
         assert_eq!((content, media_type.as_str()), (&found.content, "model/ply"));
-        let context =
-            WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None, phase: None };
+        let context = WriteContext {
+            contents: &|_| Some(bytes.clone()),
+            grid: None,
+            series: None,
+            phase: None,
+            warnings: &[],
+        };
         let written = relief_exchange::write(format, &imported.items, &context).unwrap();
         let mesh = relief_annotation::read_mesh(kind, &written.bytes).unwrap().mesh;
         let [low, high] = mesh.span().map(|corner| corner.to_array());
@@ -76,14 +81,20 @@ fn several_meshes_are_one_in_a_file_and_damage_is_refused() {
     let [first, second] = [(); 2].map(|()| read(Format::Ply, &file).unwrap());
     let items = [first.items[0].clone(), second.items[0].clone()];
     let bytes = first.contents[0].2.clone();
-    let context = WriteContext { contents: &|_| Some(bytes.clone()), grid: None, series: None, phase: None };
+    let context = WriteContext {
+        contents: &|_| Some(bytes.clone()),
+        grid: None,
+        series: None,
+        phase: None,
+        warnings: &[],
+    };
     let written = relief_exchange::write(Format::Ply, &items, &context).unwrap();
     assert_eq!(
         relief_annotation::read_mesh(MeshFormat::Ply, &written.bytes).unwrap().mesh.triangles.len(),
         8
     );
     assert!(written.left_out.iter().any(|lost| lost.what == "borders" && lost.items.len() == 2));
-    let lost = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
+    let lost = WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] };
     let refusal = relief_exchange::write(Format::Ply, &items, &lost).unwrap_err().to_string();
     assert!(refusal.contains("is not there"), "{refusal}");
     for (format, kind) in FORMATS {

@@ -48,7 +48,7 @@ fn write(format: Format, items: &[Item]) -> Result<ExportedFile, ExchangeError> 
     relief_exchange::write(
         format,
         items,
-        &WriteContext { contents: &|_| None, grid: None, series: None, phase: None },
+        &WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] },
     )
 }
 

@@ -3,7 +3,9 @@
 
 use super::{CONTEXT, asymmetric, everything};
 use crate::dicom_objects::made;
+use dicom_dictionary_std::tags;
 use relief_annotation::{FrameOfReference, Geometry, Item};
+use relief_dicom::WarningCode;
 use relief_exchange::{Format, ReadContext, WriteContext};
 use relief_volume::{LabelMap, Segment};
 
@@ -18,7 +20,7 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
     let own = |items: Vec<Item>| -> Vec<Item> {
         items.into_iter().map(|item| Item { frame_of_reference: Some(frame.clone()), ..item }).collect()
     };
-    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
+    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] };
     let refused = relief_exchange::write(Format::Sr, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.starts_with("sr needs a DICOM series"), "{refused}");
     let context = WriteContext { series: Some(&series.reference), ..alone };
@@ -37,8 +39,13 @@ fn a_report_needs_a_series_and_comes_back_with_its_points() {
     assert!(refused.contains("another one than the series'"), "{refused}");
     assert!(!refused.contains(&frame.0) && !refused.contains("1.2.3.4"), "a UID leads to a patient");
     // Losses of a report are listed for each item.
-    let context =
-        WriteContext { contents: &|_| None, grid: None, series: Some(&series.reference), phase: None };
+    let context = WriteContext {
+        contents: &|_| None,
+        grid: None,
+        series: Some(&series.reference),
+        phase: None,
+        warnings: &[],
+    };
     let written = relief_exchange::write(Format::Sr, &own(everything()), &context).unwrap();
     let lost: usize =
         written.left_out.iter().filter(|lost| lost.what == "items").map(|lost| lost.items.len()).sum();
@@ -69,6 +76,7 @@ fn regions_become_a_segmentation_of_the_series() {
         grid: Some(&series.grid),
         series: Some(&series.reference),
         phase: None,
+        warnings: &[],
     };
     let written = relief_exchange::write(Format::Seg, &imported.items, &context).unwrap();
     assert_eq!(
@@ -107,7 +115,37 @@ fn contours_become_curves_in_lists_of_their_structures() {
     }
     let refused = relief_exchange::read(Format::RtStruct, &bytes[..300], &CONTEXT).unwrap_err().to_string();
     assert!(refused.starts_with("rtstruct: "), "{refused}");
-    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None };
+    let alone = WriteContext { contents: &|_| None, grid: None, series: None, phase: None, warnings: &[] };
     let refused = relief_exchange::write(Format::RtStruct, &asymmetric(), &alone).unwrap_err().to_string();
     assert!(refused.contains("rtstruct cannot be written (can be: mrk.json"), "{refused}");
+}
+
+/// Invariant: Warnings of a series reach whoever gets its pictures or exports.
+#[test]
+fn exports_carry_the_warnings_of_the_series() {
+    let series = made::series();
+    let mut labels = vec![0u16; series.grid.voxel_count()];
+    labels[125..137].fill(1);
+    let map =
+        LabelMap::new(series.grid.clone(), &labels, vec![Segment::new(1, Some("first"), None)]).unwrap();
+    let bytes = relief_dicom::write_seg_nrrd(&map).unwrap();
+    let imported = relief_exchange::read(Format::SegNrrd, &bytes, &CONTEXT).unwrap();
+    let content = imported.contents[0].2.clone();
+    let context = WriteContext {
+        contents: &|_| Some(content.clone()),
+        grid: Some(&series.grid),
+        series: Some(&series.reference),
+        phase: None,
+        warnings: &[WarningCode::OtherValues, WarningCode::GantryTilt, WarningCode::OtherValues],
+    };
+    for format in [Format::Seg, Format::LabelMap, Format::SegNrrd, Format::Nifti] {
+        let written = relief_exchange::write(format, &imported.items, &context).unwrap();
+        let object = dicom_object::from_reader(&written.bytes[..]).ok();
+        let comments =
+            object.map(|object| object.element(tags::IMAGE_COMMENTS).unwrap().to_str().unwrap().into_owned());
+        let left_out = written.left_out.iter().find(|lost| lost.what == "warnings of the series");
+        assert_eq!(comments.is_some(), left_out.is_none(), "{format}: one of both");
+        let text = comments.unwrap_or_else(|| left_out.unwrap().reason.clone());
+        assert!(text.contains("The slices are tilted") && text.matches("not in HU").count() == 1, "{text}");
+    }
 }

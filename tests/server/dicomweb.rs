@@ -1,8 +1,9 @@
 //! Rendered volumes by study and series: DICOM Supplement 228, from outside.
 
-use relief_dicom::SeriesIdentity;
+use relief_dicom::{SeriesIdentity, WarningCode};
 use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig};
+use relief_volume::Quantity;
 use serde_json::{Value, json};
 
 use crate::server::stage::{Answer, Stage, cube};
@@ -69,6 +70,30 @@ async fn pictures_have_the_requested_media_type_and_viewport() {
     assert_ne!(coarse.header("etag"), fine.header("etag"));
     let refused = stage.get_with(&path("rendered3D"), &[("accept", "video/mp4")]).await.problem(406);
     assert_eq!(refused["offers"], json!(["image/jpeg", "image/png"]));
+}
+
+/// Invariant: Warnings of a series reach whoever gets its pictures or exports.
+#[tokio::test]
+async fn answers_have_the_warnings_of_the_series() {
+    let stage = Stage::empty(Config::default(), QueueConfig::default());
+    let warnings = vec![WarningCode::BadFile, WarningCode::OtherValues, WarningCode::BadFile];
+    let (reference, labels) = (None, None);
+    let identity = Some(SeriesIdentity::new(STUDY, SERIES));
+    let volume = cube().of_quantity(Quantity::Concentration);
+    let (low, high) = volume.range_hu();
+    stage.server.add_volume(LoadedVolume { volume, warnings, identity, reference, labels });
+    for query in ["renderedmpr?viewport=16,16", "rendered3D?renderedvolumetricmetadata=yes"] {
+        let answer = stage.get(&path(query)).await;
+        let found: Vec<_> =
+            answer.headers.get_all("warning").iter().map(|value| value.to_str().unwrap()).collect();
+        assert_eq!(found.len(), 2, "{query}");
+        assert!(found.iter().all(|text| text.starts_with("299 relief \"")), "{found:?}");
+        assert!(found.iter().any(|text| text.contains("not in HU")), "{found:?}");
+    }
+    // The window is that of all values.
+    let module = metadata(&stage, "renderedmpr").await.to_string();
+    let [center, width] = [f64::from(low + high) / 2.0, f64::from(high - low)];
+    assert!(module.contains(&format!("{center:?}")) && module.contains(&format!("{width:?}")), "{module}");
 }
 
 #[tokio::test]

@@ -28,6 +28,7 @@ mod memory;
 mod operation;
 mod phases;
 mod problems;
+mod quantities;
 mod slices;
 mod sockets;
 mod stage;

@@ -91,6 +91,7 @@ async fn a_volume_is_described_by_geometry_and_values_alone() {
         "removable",
         "segments",
         "spacing_mm",
+        "unit",
         "warnings",
     ];
     assert_eq!(keys, known, "a new key must not tell who was scanned");

@@ -79,6 +79,7 @@ pub(super) fn run(arguments: &ExportArguments, log: &LogArguments) -> anyhow::Re
         grid: series.as_ref().map(|series| &series.grid),
         series: reference.as_ref(),
         phase: series.as_ref().and_then(|series| series.phase),
+        warnings: series.as_ref().map_or(&[], |series| &series.warnings),
     };
     let written = relief_exchange::write(arguments.format, &items, &context)?;
     write_whole(&arguments.out, &written.bytes)?;

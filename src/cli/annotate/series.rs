@@ -6,7 +6,7 @@ use super::super::bucket::CopiesArguments;
 use super::super::series as any_series;
 use super::super::source::SeriesOptions;
 use relief_annotation::FrameOfReference;
-use relief_dicom::{Loaded, SeriesReference};
+use relief_dicom::{Loaded, SeriesReference, WarningCode};
 use relief_volume::Grid;
 
 /// The series that items belong to.
@@ -37,6 +37,8 @@ pub(super) struct Series {
     pub(super) reference: Option<SeriesReference>,
     /// The number of its phase, from 1, if the series has phases.
     pub(super) phase: Option<usize>,
+    /// Warnings of reading it.
+    pub(super) warnings: Vec<WarningCode>,
 }
 
 impl SeriesArguments {
@@ -57,6 +59,13 @@ impl Series {
         // Without a UID: derived from the content of the volume.
         let frame = uid.unwrap_or_else(|| format!("volume:{}", loaded.volume.content_hash().short()));
         let phase = loaded.identity.phase().map(|phase| phase.number);
-        Self { frame: FrameOfReference(frame), grid: loaded.volume.grid().clone(), reference, phase }
+        let warnings = loaded.warnings.iter().map(|warning| warning.code).collect();
+        Self {
+            frame: FrameOfReference(frame),
+            grid: loaded.volume.grid().clone(),
+            reference,
+            phase,
+            warnings,
+        }
     }
 }

@@ -164,7 +164,7 @@ impl SeriesReport {
             transfer_syntax: entry.transfer_syntax(),
             phase: entry.phase(),
             differs: entry.differs().to_vec(),
-            value_type: entry.other_values().unwrap_or("HU").to_owned(),
+            value_type: entry.value_type().to_owned(),
             ..Self::of_volume(loaded)
         }
     }

@@ -179,6 +179,11 @@ class Volume:
         return self._native.range_hu
 
     @property
+    def unit(self) -> str:
+        """The unit of the values: HU, or another RescaleType of the DICOM files, such as MGML."""
+        return self._native.unit
+
+    @property
     def id(self) -> str:
         """The id that a server gives the volume."""
         return self._native.id
@@ -252,7 +257,7 @@ class Volume:
         return self.render(asked, size=size, layout="color", adapter=adapter)
 
     def __repr__(self) -> str:
-        return f"<relief.Volume {'x'.join(map(str, self.shape))}, {self.range_hu[0]} to {self.range_hu[1]} HU>"
+        return f"<relief.Volume {'x'.join(map(str, self.shape))}, {self.range_hu[0]} to {self.range_hu[1]} {self.unit}>"
 
 
 _open_file = open

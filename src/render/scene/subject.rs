@@ -114,7 +114,9 @@ pub fn name_of(anatomy: Anatomy, grid: &Grid) -> String {
     let mut part = anatomy.part.name().to_owned();
     part[..1].make_ascii_uppercase();
     let medium = if anatomy.has_contrast { " with contrast medium" } else { "" };
-    format!("{part}{medium}, {}", size_of(grid))
+    let quantity = anatomy.quantity();
+    let unit = if quantity.is_hu() { String::new() } else { format!(" ({})", quantity.unit()) };
+    format!("{part}{medium}{unit}, {}", size_of(grid))
 }
 
 /// A name, and the beginning of the content hash of its volume, which no other volume has.

@@ -130,13 +130,12 @@ impl Windows {
     }
 
     /// The transfer function that suits the anatomy; without one the first preset, or a window for
-    /// soft tissue.
+    /// soft tissue. Values that are not HU have a window over all of them.
     fn default_transfer(self, anatomy: Option<Anatomy>) -> TransferFile {
-        match self {
-            Self::Translucent => {
-                TransferFile::Preset(anatomy.map_or(&PRESETS[0], Anatomy::preset).name.to_owned())
-            }
-            Self::Opaque => {
+        let preset = anatomy.map_or(Some(&PRESETS[0]), Anatomy::preset);
+        match preset.filter(|_| self == Self::Translucent) {
+            Some(preset) => TransferFile::Preset(preset.name.to_owned()),
+            None => {
                 let [center_hu, width_hu] = usual_window_hu(anatomy);
                 TransferFile::window(center_hu, width_hu)
             }

@@ -259,7 +259,8 @@ async fn written(
         let series = without.as_ref().or(entry.reference.as_deref());
         let items = if deidentify { deidentified(items) } else { items };
         let phase = entry.phase().map(|phase| phase.number);
-        let context = WriteContext { contents: &of, grid: Some(&entry.grid), series, phase };
+        let (grid, warnings) = (Some(&entry.grid), &*entry.warnings);
+        let context = WriteContext { contents: &of, grid, series, phase, warnings };
         relief_exchange::write(format, &items, &context)
     };
     let written = engine.blocking("writing annotations", job).await?;

@@ -11,6 +11,8 @@
 mod parameters;
 mod rendering;
 
+use std::collections::BTreeSet;
+
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
@@ -21,6 +23,7 @@ use super::frame::{Tagged, answer_as, entity_tag};
 use super::negotiate::{accepts, negotiate};
 use super::problem::Problem;
 use super::state::Pictures;
+use relief_dicom::WarningCode;
 use relief_display::encode_jpeg;
 use relief_session::{FileFormat, Product, encode};
 
@@ -64,9 +67,9 @@ async fn rendered(
     let entry = pictures.engine.volumes.find_series(study, series)?;
     let parameters = Parameters::of(uri, reformat)?;
     let accept = parameters.accept(headers)?;
-    let Rendering { scene, module } = rendering(&parameters, reformat, &entry.grid)?;
+    let Rendering { scene, module } = rendering(&parameters, reformat, &entry.grid, entry.anatomy)?;
     if parameters.metadata {
-        return metadata(&accept, &module.to_string());
+        return Ok(with_warnings(metadata(&accept, &module.to_string())?, &entry.warnings));
     }
     let media = negotiate(&accept, &PICTURES)?;
     let quality = parameters.quality.unwrap_or(USUAL_QUALITY);
@@ -76,7 +79,21 @@ async fn rendered(
         FileFormat::Jpeg => Ok(encode_jpeg(frame.size_px, &frame.color_rgba, quality)?),
         _ => encode(frame, &display, Product::Frame, media),
     };
-    answer_as(pictures, &entry, &scene, headers, Tagged { method: Method::GET, media, tag: &tag }, job).await
+    let tagged = Tagged { method: Method::GET, media, tag: &tag };
+    let response = answer_as(pictures, &entry, &scene, headers, tagged, job).await?;
+    Ok(with_warnings(response, &entry.warnings))
+}
+
+/// The response with the warnings of the series, each kind once, as `Warning` headers of code 299
+/// (PS3.18, 11.4.2.1).
+fn with_warnings(mut response: Response, warnings: &[WarningCode]) -> Response {
+    let kinds: BTreeSet<WarningCode> = warnings.iter().copied().collect();
+    for kind in kinds {
+        if let Ok(warning) = HeaderValue::from_str(&format!("299 relief \"{}\"", kind.summary())) {
+            response.headers_mut().append(header::WARNING, warning);
+        }
+    }
+    response
 }
 
 fn metadata(accept: &HeaderMap, module: &str) -> Result<Response, Problem> {

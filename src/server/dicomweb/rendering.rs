@@ -12,7 +12,7 @@ use super::parameters::{Method, Parameters, Reformat, View, Window, WindowFuncti
 use crate::problem::Problem;
 use relief_base::{Patient, Point, Vector};
 use relief_render::{Scene, SceneFile};
-use relief_volume::{Grid, Orbit, PlaneView};
+use relief_volume::{Anatomy, Grid, Orbit, PlaneView};
 
 /// Side of a picture whose viewport is not said.
 const USUAL_PX: u32 = 512;
@@ -32,7 +32,8 @@ struct Viewpoint {
     up: Vector<Patient>,
 }
 
-/// The scene of a query for a volume on `grid`.
+/// The scene of a query for a volume on `grid` with this anatomy. Values that are not HU have a
+/// window over all of them.
 ///
 /// # Errors
 /// When the viewpoint shows nothing, or the scene is out of range.
@@ -40,13 +41,16 @@ pub(super) fn rendering(
     parameters: &Parameters,
     reformat: Reformat,
     grid: &Grid,
+    anatomy: Anatomy,
 ) -> Result<Rendering, Problem> {
     let method = parameters.method.unwrap_or(match reformat {
         Reformat::ThreeD => Method::VolumeRendered,
         Reformat::Mpr => Method::Average,
     });
-    let window = (reformat == Reformat::Mpr || method != Method::VolumeRendered)
-        .then(|| parameters.window.unwrap_or(usual_window(method, reformat)));
+    let is_hu = anatomy.quantity().is_hu();
+    let usual = || if is_hu { usual_window(method, reformat) } else { whole_window(anatomy) };
+    let window = (reformat == Reformat::Mpr || method != Method::VolumeRendered || !is_hu)
+        .then(|| parameters.window.unwrap_or_else(usual));
     let viewpoint = viewpoint(parameters.view, reformat, grid)?;
     let size_px = parameters.viewport.unwrap_or([USUAL_PX; 2]);
     let mut scene = json!({ "size_px": size_px, "display": { "layout": "color" } });
@@ -87,6 +91,11 @@ fn usual_window(method: Method, reformat: Reformat) -> Window {
         _ => (40.0, 400.0),
     };
     Window { center, width, shape: WindowFunction::Linear }
+}
+
+fn whole_window(anatomy: Anatomy) -> Window {
+    let [center, width] = anatomy.window_hu();
+    Window { center, width, shape: WindowFunction::LinearExact }
 }
 
 /// A window's ramp. `linear` is half a value lower and one value narrower than its numbers (PS3.3,

@@ -36,7 +36,7 @@ function write() {
   written = performance.now();
   const { azimuth, elevation, zoom, shift } = state.pose;
   const { preset, mode, iso, view, layout, overlays, fieldOfView, preview, depthFilter: filter, depthRule: rule } = state;
-  const kept = { volume: state.volume.id, preset, mode, view, layout, filter, rule, fov: fieldOfView };
+  const kept = { volume: state.volume.id, ...(preset ? { preset } : {}), mode, view, layout, filter, rule, fov: fieldOfView };
   if (iso !== null) kept.iso = iso;
   if (overlays.length) kept.overlay = overlays.join(",");
   if (preview) kept.preview = preview;

@@ -75,7 +75,7 @@ function describe() {
   const pose = [`azimuth ${azimuth.toFixed(0)}°`, `elevation ${elevation.toFixed(0)}°`, `zoom ${zoom.toFixed(2)}`];
   const slice = slicing() ? sliceWords(state.slice, state.volume) : null;
   $("pose").textContent = (slice ?? [...pose, ...(shift ? ["moved"] : [])]).join(DOT);
-  const what = slice ? `slice, ${slice.join(", ")}` : `volume, preset ${state.preset}, ${pose.slice(0, 2).join(", ")}`;
+  const what = slice ? `slice, ${slice.join(", ")}` : `volume, ${state.preset ? `preset ${state.preset}` : "all values"}, ${pose.slice(0, 2).join(", ")}`;
   $("picture").setAttribute("aria-label", `${state.view} of the ${what}`);
   showControls($, state.slice, state.volume);
   $("divider").hidden = state.view !== "split";
@@ -180,21 +180,25 @@ function setPreset(index) {
 }
 
 function describePreset() {
-  const index = presets.findIndex(({ name }) => name === state.preset);
-  const { purpose, mode } = presets[index];
-  $("mode").value = mode;
+  $("mode").value = state.mode;
   describeSurface(state);
   describeLight(state);
   describeFaces(state);
-  grid.choose(index);
-  $("purpose").textContent = purpose;
+  markPreset();
 }
 
-/** The preset and the window of slices that suit a volume, where the user chose none. */
+/** Marks the preset among the others; without one, explains the look. */
+function markPreset() {
+  const index = presets.findIndex(({ name }) => name === state.preset);
+  grid.choose(index);
+  $("purpose").textContent = presets[index]?.purpose ?? `All values of type ${state.volume?.unit}, the higher the more opaque. Presets are made for HU.`;
+}
+
+/** The preset and the window of slices that suit a volume, where the user chose none; no preset suits values that are not HU. */
 function follow({ anatomy }) {
-  const suited = presets.find(({ name }) => name === anatomy.preset);
-  if (!state.own.preset && suited) {
-    Object.assign(state, { preset: suited.name, mode: suited.mode });
+  if (!state.own.preset) {
+    const suited = presets.find(({ name }) => name === anatomy.preset);
+    Object.assign(state, { preset: suited?.name ?? null, mode: suited?.mode ?? "composite" });
     describePreset();
   }
   if (!state.own.window) {
@@ -289,9 +293,7 @@ function showState() {
   const radios = { view: state.view, plane: state.slice.plane, projection: state.fieldOfView, preview: state.preview };
   for (const [name, value] of Object.entries(radios)) choose(name, value);
   for (const box of overlayBoxes()) box.checked = state.overlays.includes(box.value);
-  const chosen = presets.findIndex(({ name }) => name === state.preset);
-  grid.choose(chosen);
-  $("purpose").textContent = presets[chosen].purpose;
+  markPreset();
   $("table").checked = state.table === "keep";
   $("crop-group").open = state.crop !== null || state.planes.length > 0 || state.table === "keep" || state.faces === "slice";
   describeSurface(state);
@@ -316,7 +318,7 @@ $("help-button").addEventListener("click", showHelp);
 async function save(button, part, accept, ending) {
   if (!state.volume) return;
   const { azimuth, elevation } = state.pose;
-  const view = `${state.preset}-az${azimuth.toFixed(0)}-el${elevation.toFixed(0)}`;
+  const view = `${state.preset ?? "values"}-az${azimuth.toFixed(0)}-el${elevation.toFixed(0)}`;
   const name = `relief-${slicing() ? state.slice.plane : view}-${part}.${ending}`;
   button.disabled = true;
   await saveAs(name, `${volumePath(part)}?${frameQuery(state)}`, accept).catch(showFailure);
@@ -354,7 +356,7 @@ const option = (value, text = value) => new Option(text, value);
 
 function facts(volume) {
   const [low, high] = volume.hu_range;
-  return [`${volume.dims.join(" × ")} voxels`, spacingWords(volume), `${low} to ${high} HU`].join(DOT);
+  return [`${volume.dims.join(" × ")} voxels`, spacingWords(volume), `${low} to ${high} ${volume.unit}`].join(DOT);
 }
 
 /** Displays another phase of the series: everything else stays. */

@@ -33,8 +33,9 @@ export class PresetGrid {
     return index < 0 ? undefined : index;
   }
 
-  /** Marks a preset as chosen and scrolls to it. */
+  /** Marks a preset as chosen and scrolls to it; -1 for none. */
   choose(index) {
+    if (!this.#cells[index]) return this.#cells.forEach(({ input }) => (input.checked = false));
     const { input, label } = this.#cells[index];
     input.checked = true;
     label.scrollIntoView({ block: "nearest" });

@@ -13,6 +13,7 @@ export const state = {
   volume: null,
   pose: { ...HOME, shift: null },
   slice: { ...NO_SLICE },
+  /** Null for values that are not HU, which no preset suits. */
   preset: "bone",
   /** Settings that the user chose; others follow the anatomy of the volume. */
   own: { preset: false, window: false },

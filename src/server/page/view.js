@@ -49,7 +49,7 @@ function lookQuery(state, aspect, fit, moving = false) {
   return {
     ...overlays,
     ...labels,
-    preset: state.preset,
+    ...(state.preset ? { preset: state.preset } : {}),
     mode: state.mode,
     ...surface,
     ...lightQuery(state, moving),

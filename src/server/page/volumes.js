@@ -25,7 +25,7 @@ export class VolumeMenu {
     this.#inputs = cells.map(({ input }) => input);
     this.box.replaceChildren(...cells.map(({ label }) => label));
     this.thumbnails.watch(cells);
-    this.thumbnails.load((index) => `/v1/volumes/${volumes[index].id}/presets/${volumes[index].anatomy.preset}/thumbnail`);
+    this.thumbnails.load((index) => thumbnailOf(volumes[index]));
   }
 
   /** Marks the volume that is displayed. */
@@ -34,6 +34,10 @@ export class VolumeMenu {
     if (input) input.checked = true;
   }
 }
+
+/** The picture of a volume for menus: no preset suits values that are not HU. */
+const thumbnailOf = ({ id, anatomy: { preset } }) =>
+  preset ? `/v1/volumes/${id}/presets/${preset}/thumbnail` : `/v1/volumes/${id}/frame?layout=color&size_px=160,120`;
 
 function cell({ name, dims }, index) {
   const label = document.createElement("label");

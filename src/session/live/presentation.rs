@@ -70,7 +70,7 @@ impl Presentation {
         settings: &Settings,
         author: Option<&str>,
     ) -> Result<Self, LiveError> {
-        let preset = Some(entry.anatomy.preset().name.to_owned());
+        let preset = entry.suited_preset();
         let (patch, display) = (Map::new(), DisplaySettings::default());
         let base = resolve(&entry, &patch, &display, None, preset.as_deref())?;
         let stage = stage_of(&entry, &base)?;
@@ -138,7 +138,7 @@ impl Presentation {
             }
             merge(&mut next.patch, patch);
             match patch.get("transfer") {
-                Some(Value::Null) => next.preset = Some(next.entry.anatomy.preset().name.to_owned()),
+                Some(Value::Null) => next.preset = next.entry.suited_preset(),
                 Some(_) => next.preset = None,
                 None => {}
             }
@@ -184,8 +184,9 @@ impl Presentation {
             self.drawables = Drawables::default();
         }
         // A preset that the user did not choose follows the volume.
-        if self.preset.as_deref() == Some(self.entry.anatomy.preset().name) {
-            self.preset = Some(entry.anatomy.preset().name.to_owned());
+        let is_own = self.patch.contains_key("transfer");
+        if !is_own && self.preset == self.entry.suited_preset() {
+            self.preset = entry.suited_preset();
         }
         self.entry = entry;
     }
@@ -354,7 +355,7 @@ fn resolve(
 
 fn stage_of(entry: &VolumeEntry, base: &Scene) -> Result<Stage, LiveError> {
     let presets = PRESETS.iter().map(|preset| preset.name.to_owned()).collect();
-    let home = Home { orbit: Home::ORBIT, preset: Some(entry.anatomy.preset().name.to_owned()) };
+    let home = Home { orbit: Home::ORBIT, preset: entry.suited_preset() };
     let radius_mm = entry.framing.radius_mm(&Home::ORBIT, 1.0);
     let stage = Stage::of_grid(&entry.grid, base.request.size_px, presets, home)?;
     Ok(match base.frame {

@@ -167,6 +167,11 @@ impl VolumeEntry {
         SubjectContent::Known { occupancy, tissue: &self.framing, anatomy: self.anatomy }
     }
 
+    /// The name of the preset that suits it; `None` for values that are not HU.
+    pub(crate) fn suited_preset(&self) -> Option<String> {
+        self.anatomy.preset().map(|preset| preset.name.to_owned())
+    }
+
     /// Which phase of its series it is, where that shows one region several times.
     #[must_use]
     pub fn phase(&self) -> Option<Phase> {

@@ -58,6 +58,7 @@ export class Model {
   snap = { to: "off", radius_mm: 5, hu: 300 };
   /** Window of the slices, HU; follows the anatomy of the volume until the user changes it. */
   window = { center: 40, width: 400, isOwn: false };
+  /** Empty for values that are not HU, which no preset suits. */
   preset = "bone";
   hasOwnPreset = false;
   /** The 3D view, angles in degrees. */

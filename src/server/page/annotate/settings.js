@@ -17,7 +17,7 @@ export const pageFacts = {
   /** The preset and the window that suit the volume, where the user chose none. */
   look(model) {
     const { preset, window_hu: [center, width] } = model.volume.anatomy;
-    if (!model.hasOwnPreset) $("preset").value = model.preset = preset;
+    if (!model.hasOwnPreset) $("preset").value = model.preset = preset ?? "";
     if (!model.window.isOwn) model.window = { center, width, isOwn: false };
     model.changed("window");
   },
@@ -28,7 +28,7 @@ export const pageFacts = {
     $("series").hidden = !$("volume-field").hidden; // the menu has it
     showWarnings($("series-warnings"), volume);
     const size = `${dims.join(" × ")} voxels`;
-    $("volume-facts").textContent = [size, spacingWords(volume), `${low} to ${high} HU`].join(DOT);
+    $("volume-facts").textContent = [size, spacingWords(volume), `${low} to ${high} ${volume.unit}`].join(DOT);
     this.menu?.choose(id);
     $("volume-menu").querySelector("summary").textContent = identityOf(volume);
     history.replaceState(null, "", `#volume=${id}`);
@@ -57,8 +57,8 @@ export const pageFacts = {
     $("set").value = set;
   },
 
-  readout({ cursor: { mm, hu } }) {
-    const value = hu === null ? "" : `${Math.round(hu)} HU`;
+  readout({ cursor: { mm, hu }, volume }) {
+    const value = hu === null ? "" : `${Math.round(hu)} ${volume.unit}`;
     $("readout").textContent = [places(mm), `LPS ${mm.map((part) => part.toFixed(2)).join(", ")} mm`, value].filter(Boolean).join(DOT);
     Object.assign($("readout").dataset, { mm: mm.map((part) => part.toFixed(4)).join(","), hu: hu ?? "" });
   },
@@ -91,7 +91,8 @@ function onCrop(model, panes) {
 /** Fills and wires the settings of the views. */
 export async function onSettings(model, panes) {
   const { presets } = await (await request("/v1/presets")).json();
-  $("preset").replaceChildren(...presets.map(({ name }) => new Option(name.replaceAll("-", " "), name)));
+  const none = Object.assign(new Option("all values", ""), { hidden: true });
+  $("preset").replaceChildren(...presets.map(({ name }) => new Option(name.replaceAll("-", " "), name)), none);
   $("preset").value = model.preset;
   $("preset").addEventListener("change", ({ target }) => {
     Object.assign(model, { preset: target.value, hasOwnPreset: true });
@@ -105,7 +106,7 @@ export async function onSettings(model, panes) {
   model.on("window", () => {
     const value = `${model.window.center},${model.window.width}`;
     const known = [...$("window").options];
-    known.at(-1).textContent = `by hand: ${model.window.center} ± ${model.window.width / 2} HU`;
+    known.at(-1).textContent = `by hand: ${model.window.center} ± ${model.window.width / 2} ${model.volume?.unit ?? "HU"}`;
     $("window").value = known.some((option) => option.value === value) ? value : "";
   });
   onCrop(model, panes);

@@ -23,7 +23,7 @@ export class VolumePane extends Pane {
     const { model, pixels: size } = this;
     const layout = moving ? "color" : "rgbd";
     const orbit = orbitQuery(model.pose, model.volume, FIELD_OF_VIEW, model.pose.zoom * fitOf(size, model.volume));
-    const look = { preset: model.preset, ...cropQuery(model), ...orbit, size_px: size.join(",") };
+    const look = { ...(model.preset ? { preset: model.preset } : {}), ...cropQuery(model), ...orbit, size_px: size.join(",") };
     const query = new URLSearchParams({ ...look, layout, profile: "philips-42", ...(moving ? { budget_ms: MOVING_MS } : {}) });
     const accept = moving ? "image/jpeg" : "image/png";
     return { url: `/v1/volumes/${model.volume.id}/frame?${query}`, accept, look, size, layout };
