@@ -11,6 +11,7 @@ use crate::common;
 mod hands;
 mod identity;
 mod phases;
+mod quantities;
 mod readers;
 mod safety;
 mod views;
