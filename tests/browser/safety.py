@@ -74,42 +74,61 @@ def has_volumes(server):
         return False
 
 
-def restarts(browser, server):
-    """The server is killed and started again at random moments while somebody annotates: every edit is kept, and the state is true."""
-    dice = random.Random(51)
-    page = Page(browser, server, "Ada")
-    kept, wrong, problems = [], [], []
-    for number in range(RESTARTS):
-        server.kill()
-        # Longer than the page's interval between questions, or shorter.
-        page.page.wait_for_timeout(dice.choice([0, 300, 2500]))
-        server.start()
-        began, ready = time.monotonic(), False
-        while True:
-            ready = ready or has_volumes(server)
-            state = page.page.evaluate("[document.getElementById('live').dataset.state, document.body.dataset.annotations, document.getElementById('off').hidden]")
+STATE = "[document.getElementById('live').dataset.state, document.body.dataset.annotations, document.getElementById('off').hidden]"
+
+
+def recovered(number, server, pages, wrong):
+    """Waits until every page follows the server again; notes states that are not true."""
+    began, ready, waiting = time.monotonic(), False, list(pages)
+    while waiting:
+        ready = ready or has_volumes(server)
+        for page in list(waiting):
+            state = page.page.evaluate(STATE)
             if state[1:] != ["on", True]:
                 wrong.append([number, state])
             if ready and state[0] in ("live", "asking"):
-                break
-            if time.monotonic() - began > 60:
-                raise SystemExit(f"restart {number}: {state}")
-            page.page.wait_for_timeout(50)
+                waiting.remove(page)
+        if time.monotonic() - began > 60:
+            raise SystemExit(f"restart {number}: {state}")
+        pages[0].page.wait_for_timeout(50)
+
+
+def restarts(browsers, server):
+    """The server is killed and started again at random moments while two people annotate in a browser each: every confirmed edit
+    is kept, and the state is true. Edits that the server had not confirmed are there or not, and alike on both pages."""
+    dice = random.Random(51)
+    pages = [Page(browser, server, name) for browser, name in zip(browsers, ("Ada", "Ben"))]
+    kept, wrong, problems = [], [], []
+    for number in range(RESTARTS):
+        confirmed = len(server.annotations()["items"])
+        for place, page in enumerate(pages):
+            page.key("p")
+            page.click("axial", 0.3 + 0.01 * (number % 40), 0.3 + 0.4 * place)
+        pages[0].page.wait_for_timeout(dice.choice([0, 1, 5, 20, 100]))
+        server.kill()
+        # Longer than the page's interval between questions, or shorter.
+        pages[0].page.wait_for_timeout(dice.choice([0, 300, 2500]))
+        server.start()
+        recovered(number, server, pages, wrong)
+        before = len(server.annotations()["items"])
         name = f"After {number}"
         server.add_points("Ada", **{name: [number, 0, 0]})
-        page.wait_row(name)
-        page.key("p")
-        page.click("axial", 0.3 + 0.01 * (number % 40), 0.5)
-        # The page names its own points by their number.
-        expected = 2 * (number + 1)
+        for place, page in enumerate(pages):
+            page.wait_row(name)
+            page.key("p")
+            page.click("axial", 0.3 + 0.01 * (number % 40), 0.4 + 0.2 * place)
+        # The pages name their own points by their numbers.
+        expected = before + 1 + len(pages)
         for _ in range(600):
-            if len(server.annotations()["items"]) == expected:
+            found = [len(server.annotations()["items"]), *(len(page.rows()) for page in pages)]
+            if found == [expected] * len(found):
                 break
             time.sleep(0.05)
-        kept.append(len(server.annotations()["items"]) == expected)
+        kept.append(before >= confirmed and found == [expected] * len(found))
     lost = "ERR_CONNECTION_REFUSED", "WebSocket", "Failed to fetch", "404", "503", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE"
-    problems = [problem for problem in page.problems if not any(word in problem for word in lost)]
-    page.context.close()
+    problems = [problem for page in pages for problem in page.problems if not any(word in problem for word in lost)]
+    for page in pages:
+        page.context.close()
     return {"restarts": RESTARTS, "kept": kept, "wrong": wrong, "problems": problems}
 
 
@@ -117,7 +136,7 @@ def main():
     second = FOLDER / "second"
     subprocess.run([RELIEF, "phantom", "--kind", "sphere", "--size", "32", "--out", str(second)], check=True, stdout=subprocess.DEVNULL)
     with sync_playwright() as playwright:
-        browser = launched(playwright, CHROMIUM)
+        browser, another = launched(playwright, CHROMIUM), launched(playwright, CHROMIUM)
         server = Server(RELIEF, SERIES, "--series", str(second), "--annotations", str(FOLDER / "a.db"))
         for _ in range(600):
             server.volumes = server.get("/v1/volumes")["volumes"]
@@ -129,11 +148,12 @@ def main():
             found = {
                 "page": missing(browser, server, "/", settled),
                 "annotate": missing(browser, server, "/annotate", panes_still),
-                "restarts": restarts(browser, server),
+                "restarts": restarts([browser, another], server),
             }
         finally:
             server.kill()
             browser.close()
+            another.close()
     print(json.dumps(found))
 
 
