@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use relief_archive::{AllowedCaller, Inbox, Receiver, ReceiverOptions};
+use relief_archive::{AllowedCaller, CompletedSeries, Inbox, Receiver, ReceiverOptions};
 use serde_json::json;
 
 use crate::memory::parse_bytes;
@@ -18,7 +18,8 @@ use crate::stop::stop_signal;
 ///
 /// Each series gets a folder of its own, DIR/STUDY/SERIES, with names that do not tell UIDs. An object
 /// is a whole file on the disk before it is acknowledged. A line is printed for each series of which
-/// nothing has arrived for --quiet seconds; its folder is a --series of the other commands.
+/// nothing has arrived for --quiet seconds; its folder is a --series of the other commands. If a transfer
+/// breaks off, the folder has a file INTERRUPTED until the series is sent again, and reading it warns.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -101,9 +102,11 @@ pub(super) fn run(arguments: &ReceiveArguments) -> anyhow::Result<ExitCode> {
 fn report(inbox: &Inbox, quiet: Duration, json: bool) {
     for series in inbox.completed(quiet) {
         if json {
-            say!("{}", json!({ "series": series.folder, "objects": series.objects }));
+            let CompletedSeries { folder, objects, is_interrupted } = series;
+            say!("{}", json!({ "series": folder, "objects": objects, "interrupted": is_interrupted }));
         } else {
-            say!("{}: {} objects", series.folder.display(), series.objects);
+            let broken = if series.is_interrupted { "; the transfer broke off" } else { "" };
+            say!("{}: {} objects{broken}", series.folder.display(), series.objects);
         }
     }
 }

@@ -42,6 +42,9 @@ pub struct Skipped {
     pub defect: Option<Defect>,
 }
 
+/// Name of a file that says of its folder: a transfer of these slices broke off.
+pub const INTERRUPTED: &str = "INTERRUPTED";
+
 /// The series under a path.
 #[derive(Debug)]
 pub struct Discovery {
@@ -107,6 +110,10 @@ pub fn discover_within(
 impl Skipped {
     fn new(file: String, rejection: Rejection) -> Self {
         match rejection {
+            _ if file.rsplit(['/', '\\']).next() == Some(INTERRUPTED) => {
+                let defect = Defect::Interrupted;
+                Self { file, reason: defect.to_string(), defect: Some(defect) }
+            }
             Rejection::Unwanted(reason) => Self { file, reason: shortened(reason.to_string()), defect: None },
             Rejection::Defective(defect) => {
                 let is_sidecar =
@@ -151,8 +158,9 @@ impl Discovery {
     /// A warning for each defective file.
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
-        let warning = |Skipped { file, reason, .. }: &Skipped| {
-            Warning::new(WarningCode::BadFile, format!("{file}: {reason}"))
+        let warning = |Skipped { file, reason, defect }: &Skipped| match defect {
+            Some(Defect::Interrupted) => Warning::new(WarningCode::Interrupted, reason.clone()),
+            _ => Warning::new(WarningCode::BadFile, format!("{file}: {reason}")),
         };
         self.defective().map(warning).collect()
     }

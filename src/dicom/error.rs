@@ -296,6 +296,9 @@ pub enum Defect {
         /// The first bytes, or a note that the file is empty.
         found: String,
     },
+    /// The file that says that a transfer broke off.
+    #[error("the transfer of this series broke off, so slices may be missing; send it again")]
+    Interrupted,
     /// The system could not read it.
     #[error("cannot be read: {0}")]
     Unreadable(Arc<std::io::Error>),

@@ -74,7 +74,7 @@ pub use commitment::{
     COMMITMENT_TRANSFER_SYNTAXES, CommitmentRequest, CommitmentResult, ReferencedObject,
     read_commitment_request, write_commitment_result,
 };
-pub use discover::{Discovery, Skipped, Strictness, discover, discover_within};
+pub use discover::{Discovery, INTERRUPTED, Skipped, Strictness, discover, discover_within};
 pub use error::{Attribute, Defect, Error, FrameGridError, Reasons};
 pub use identity::SeriesIdentity;
 pub use labelmap_write::write_label_map;

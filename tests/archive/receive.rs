@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::orthanc::{Orthanc, Wanted};
-use crate::cluster::stage::{Process, free_ports, lone, phantom, relief, until, volumes};
+use crate::cluster::stage::{Process, free_ports, listed, lone, phantom, relief, until, volumes};
 use crate::common::child;
 use crate::common::child::signal;
 
@@ -133,7 +133,7 @@ fn series_of_known_callers_arrive_whole() {
     );
     let said = printed(&more);
     assert!(said.contains("OutOfResources"), "{said}");
-    let bytes: u64 = files_below(&inbox).iter().map(|file| file.metadata().unwrap().len()).sum();
+    let bytes: u64 = slices_below(&inbox).iter().map(|file| file.metadata().unwrap().len()).sum();
     assert!(bytes <= 120 << 10, "{bytes}");
     signal("TERM", receiving.process.id());
     assert!(receiving.process.wait().unwrap().success());
@@ -369,12 +369,19 @@ fn a_server_shows_series_that_arrive() {
     let (_lone, expected) = lone(std::slice::from_ref(&series));
     let (process, address) = start();
     assert_eq!(volumes(&address), [""; 0]);
-    let sent = send(&mut storescu, "SCANNER", port, &series);
+    let sent = send(storescu.arg("--abort"), "SCANNER", port, &series);
     assert!(sent.status.success(), "{}", printed(&sent));
     until("the series is served", || volumes(&address) == volumes(&expected));
+    // The transfer was aborted: the page says so, until the series is sent again.
+    let is_warned = |address: &str| listed(address).to_string().contains("\"interrupted\"");
+    until("the series has a warning", || is_warned(&address));
     assert_eq!(process.stop(), Some(0));
     let (_process, address) = start();
     assert_eq!(volumes(&address), volumes(&expected));
+    assert!(is_warned(&address), "{}", listed(&address));
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    assert!(send(&mut storescu, "SCANNER", port, &series).status.success());
+    until("the warning is gone", || !is_warned(&address));
 }
 
 /// Invariant: When objects of a received series arrive later, a server shows the larger volume in
@@ -407,6 +414,48 @@ fn a_series_that_grows_is_replaced() {
     let Some(mut storescu) = dcmtk(what, "storescu") else { return };
     assert!(send(&mut storescu, "SCANNER", port, &parts[1]).status.success());
     until("the whole series is served alone", || volumes(&address) == volumes(&expected));
+}
+
+/// Invariant: A series whose transfer broke off says so wherever it is read, until it was sent again.
+#[test]
+fn an_interrupted_transfer_is_reported_until_it_was_repeated() {
+    let what = "interrupted transfers";
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (inbox, series) = (folder.path().join("inbox"), phantom(folder.path(), "slab"));
+    let mut receiving = Receiving::start(&inbox, &["--any-caller"]);
+    let sent = send(storescu.arg("--abort"), "SCANNER", receiving.port, &series);
+    assert!(sent.status.success(), "{}", printed(&sent));
+    let line = until_line(&mut receiving, |line| line.ends_with("; the transfer broke off"));
+    let received = PathBuf::from(line.split_once(": ").unwrap().0);
+    let inspect = |options: &[&str]| relief(&["inspect"]).arg(&received).args(options).output().unwrap();
+    assert!(printed(&inspect(&[])).contains("the transfer of this series broke off"));
+    assert!(!inspect(&["--strict"]).status.success());
+    let render = |out: &str| {
+        let mut render = relief(&["render", "--size", "64x48", "--layout", "color", "--series"]);
+        printed(&render.arg(&received).arg("--out").arg(folder.path().join(out)).output().unwrap())
+    };
+    assert!(render("part.png").contains("the transfer of this series broke off"));
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    assert!(send(&mut storescu, "SCANNER", receiving.port, &series).status.success());
+    until_line(&mut receiving, |line| line.ends_with(" objects"));
+    assert!(inspect(&["--strict"]).status.success() && !render("whole.png").contains("broke off"));
+    // Objects that were refused are missing, too.
+    let mut receiving = Receiving::start(&folder.path().join("other"), &["--any-caller", "--quota", "40KiB"]);
+    let Some(mut storescu) = dcmtk(what, "storescu") else { return };
+    let refused = send(storescu.arg("-nh"), "SCANNER", receiving.port, &series);
+    assert!(printed(&refused).contains("OutOfResources"), "{}", printed(&refused));
+    until_line(&mut receiving, |line| line.ends_with("; the transfer broke off"));
+}
+
+/// The next line of which this is true.
+fn until_line(receiving: &mut Receiving, is_it: impl Fn(&str) -> bool) -> String {
+    loop {
+        let line = receiving.line();
+        if is_it(&line) {
+            return line;
+        }
+    }
 }
 
 /// Invariant: No bytes end a receiver, and callers that are silent keep no others out.

@@ -218,10 +218,14 @@ pub(crate) fn get(address: &str, path: &str, headers: &str) -> Answer {
     ask(address, &format!("GET {path}"), headers, "").unwrap()
 }
 
+/// The volumes of a server, as it lists them.
+pub(crate) fn listed(address: &str) -> Value {
+    get(address, "/v1/volumes", "").json()
+}
+
 /// Ids of the volumes that are served, in their order.
 pub(crate) fn volumes(address: &str) -> Vec<String> {
-    let listed = get(address, "/v1/volumes", "").json();
-    listed["volumes"]
+    listed(address)["volumes"]
         .as_array()
         .unwrap()
         .iter()

@@ -10,11 +10,14 @@ use std::time::{Duration, Instant};
 use data_encoding::HEXLOWER;
 use parking_lot::Mutex;
 use relief_base::write_whole;
-use relief_dicom::{CommitmentRequest, CommitmentResult, file_around, read_identity};
+use relief_dicom::{CommitmentRequest, CommitmentResult, INTERRUPTED, file_around, read_identity};
 use sha2::{Digest, Sha256};
 
 use super::message::Status;
 
+/// What the file in an interrupted series says.
+const INTERRUPTED_TEXT: &[u8] =
+    b"The transfer of this series broke off, so slices may be missing. Send it again: a whole transfer removes this file.\n";
 /// Hexadecimal digits of the names of folders and files.
 const NAME_DIGITS: usize = 16;
 
@@ -40,6 +43,21 @@ struct GrowingSeries {
     is_committed: bool,
 }
 
+/// The series of one association, and whether all their objects were stored.
+#[derive(Debug, Default)]
+pub(super) struct Transfer {
+    is_stored: HashMap<PathBuf, bool>,
+}
+
+/// How an association ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TransferEnd {
+    /// The sender released it: it has sent everything.
+    Released,
+    /// It was aborted, or the connection broke.
+    Interrupted,
+}
+
 /// A series that has received no objects for a while.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CompletedSeries {
@@ -47,6 +65,8 @@ pub struct CompletedSeries {
     pub folder: PathBuf,
     /// Number of objects that arrived since it was reported last.
     pub objects: usize,
+    /// Whether its transfer broke off, or objects were refused: slices may be missing.
+    pub is_interrupted: bool,
 }
 
 impl Inbox {
@@ -61,8 +81,13 @@ impl Inbox {
         Ok(Self { folder: folder.to_owned(), quota_bytes, state })
     }
 
-    /// Stores an object; on success it is durable.
-    pub(super) fn store(&self, sop_class: &str, sop_instance: &str, syntax: &str, data_set: &[u8]) -> Status {
+    /// Stores an object of a transfer; on success it is durable.
+    pub(super) fn store(
+        &self,
+        transfer: &mut Transfer,
+        [sop_class, sop_instance, syntax]: [&str; 3],
+        data_set: &[u8],
+    ) -> Status {
         let Ok(file) = file_around(sop_class, sop_instance, syntax, data_set) else {
             return Status::CannotUnderstand;
         };
@@ -78,12 +103,35 @@ impl Inbox {
         }
         let folder = self.folder.join(name_of(&identity.study)).join(name_of(&identity.series));
         let path = folder.join(name_of(sop_instance) + ".dcm");
-        match self.write(&folder, &path, &file) {
-            Ok(status) => status,
-            Err(error) => {
-                tracing::error!("an object cannot be written: {error}");
-                Status::OutOfResources
+        let status = self.write(&folder, &path, &file).unwrap_or_else(|error| {
+            tracing::error!("an object cannot be written: {error}");
+            Status::OutOfResources
+        });
+        // A duplicate is there, in the version that came first.
+        let is_stored = matches!(status, Status::Success | Status::Duplicate);
+        transfer.is_stored.entry(folder).and_modify(|all| *all &= is_stored).or_insert(is_stored);
+        status
+    }
+
+    /// Ends a transfer: marks the series that it left incomplete, and takes the mark from those that
+    /// came whole. Either is reported again.
+    pub(super) fn finish(&self, transfer: Transfer, end: TransferEnd) {
+        for (folder, is_stored) in transfer.is_stored {
+            let is_whole = is_stored && end == TransferEnd::Released;
+            let mark = folder.join(INTERRUPTED);
+            let marked = match (is_whole, mark.exists()) {
+                (true, true) => std::fs::remove_file(&mark),
+                (false, false) if folder.is_dir() => write_whole(&mark, INTERRUPTED_TEXT),
+                _ => continue,
+            };
+            if let Err(error) = marked {
+                tracing::error!("a series cannot be marked as interrupted or whole: {error}");
             }
+            if !is_whole {
+                tracing::warn!("the transfer of a series broke off; slices may be missing");
+            }
+            let growing = GrowingSeries { objects: 0, last: Instant::now(), is_committed: false };
+            self.state.lock().growing.entry(folder).or_insert(growing);
         }
     }
 
@@ -156,7 +204,12 @@ impl Inbox {
         state.growing.retain(|folder, series| {
             let is_quiet = series.is_committed || series.last.elapsed() >= quiet;
             if is_quiet {
-                completed.push(CompletedSeries { folder: folder.clone(), objects: series.objects });
+                let is_interrupted = folder.join(INTERRUPTED).exists();
+                completed.push(CompletedSeries {
+                    folder: folder.clone(),
+                    objects: series.objects,
+                    is_interrupted,
+                });
             }
             !is_quiet
         });

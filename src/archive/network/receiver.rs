@@ -14,7 +14,7 @@ use dicom_ul::pdu::{AssociationRJServiceUserReason, PDataValue, PDataValueType, 
 use relief_dicom::{CommitmentResult, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, read_commitment_request};
 
 use super::commitment::{COMMITMENT, report, report_to};
-use super::inbox::Inbox;
+use super::inbox::{Inbox, Transfer, TransferEnd};
 use super::message::{LARGEST_COMMAND, Request, Status};
 
 const VERIFICATION: &str = "1.2.840.10008.1.1";
@@ -245,16 +245,28 @@ impl Shared {
         }
     }
 
-    fn converse(&self, mut association: ServerAssociation<TcpStream>, address: IpAddr) {
+    fn converse(&self, association: ServerAssociation<TcpStream>, address: IpAddr) {
+        let mut transfer = Transfer::default();
+        let end = self.requests(association, address, &mut transfer);
+        self.inbox.finish(transfer, end);
+    }
+
+    /// Answers requests until the association ends.
+    fn requests(
+        &self,
+        mut association: ServerAssociation<TcpStream>,
+        address: IpAddr,
+        transfer: &mut Transfer,
+    ) -> TransferEnd {
         let mut message = Message::default();
         loop {
             let values = match association.receive() {
                 Ok(Pdu::PData { data }) => data,
                 Ok(Pdu::ReleaseRQ) => {
                     let _ = association.send(&Pdu::ReleaseRP);
-                    return;
+                    return TransferEnd::Released;
                 }
-                Ok(_) | Err(_) => return, // an abort, or a connection that broke
+                Ok(_) | Err(_) => return TransferEnd::Interrupted,
             };
             for value in values {
                 let Some((context, request)) = message.push(value, self.options.object_bytes) else {
@@ -265,13 +277,13 @@ impl Shared {
                         message = Message::default();
                         continue;
                     }
-                    Ok(request) => self.answer(&association, context, &request, &message.data_set),
+                    Ok(request) => self.answer(&association, context, &request, &message.data_set, transfer),
                     Err(NotUnderstood) => None,
                 };
                 message = Message::default();
                 let Some(Answer { data, commitment }) = answer else {
                     let _ = association.abort();
-                    return;
+                    return TransferEnd::Interrupted;
                 };
                 let value = PDataValue {
                     presentation_context_id: context,
@@ -280,7 +292,7 @@ impl Shared {
                     data,
                 };
                 if association.send(&Pdu::PData { data: vec![value] }).is_err() {
-                    return;
+                    return TransferEnd::Interrupted;
                 }
                 if let Some(result) = commitment {
                     self.report(&mut association, context, address, &result);
@@ -316,6 +328,7 @@ impl Shared {
         context: u8,
         request: &Request,
         data_set: &[u8],
+        transfer: &mut Transfer,
     ) -> Option<Answer> {
         let negotiated = association.presentation_contexts().iter().find(|one| one.id == context)?;
         let mut commitment = None;
@@ -347,7 +360,8 @@ impl Shared {
                 if *sop_class != negotiated.abstract_syntax {
                     return None;
                 }
-                self.inbox.store(sop_class, sop_instance, &negotiated.transfer_syntax, data_set)
+                let object = [sop_class, sop_instance, negotiated.transfer_syntax.as_str()];
+                self.inbox.store(transfer, object, data_set)
             }
         };
         Some(Answer { data: request.response(status), commitment })
