@@ -185,6 +185,15 @@ impl SeriesReference {
         &self.description
     }
 
+    /// Study Date (0008,0020) as YYYY-MM-DD, if the files have one. It helps to identify a patient.
+    #[must_use]
+    pub fn study_date(&self) -> Option<String> {
+        let at = REPEATED.iter().position(|(tag, _)| *tag == tags::STUDY_DATE)?;
+        let text = self.repeated.get(at)?.trim();
+        let is_date = text.len() == 8 && text.bytes().all(|digit| digit.is_ascii_digit());
+        is_date.then(|| format!("{}-{}-{}", &text[..4], &text[4..6], &text[6..]))
+    }
+
     /// Frame of Reference UID (0020,0052), where all slices have the same one. Not for messages.
     #[must_use]
     pub fn frame_of_reference(&self) -> Option<&str> {

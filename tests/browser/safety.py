@@ -120,7 +120,7 @@ def restarts(browsers, server):
         # The pages name their own points by their numbers.
         expected = before + 1 + len(pages)
         for _ in range(600):
-            found = [len(server.annotations()["items"]), *(len(page.rows()) for page in pages)]
+            found = [len(server.annotations()["items"]), *(int(page.page.inner_text("#count")) for page in pages)]
             if found == [expected] * len(found):
                 break
             time.sleep(0.05)

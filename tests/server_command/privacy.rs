@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use dicom_core::{DataElement, VR};
+use dicom_dictionary_std::tags;
 use relief_dicom::Strictness;
 
 use super::{Running, phantom, relief};
@@ -67,6 +69,12 @@ fn descriptions_are_shown_if_the_operator_allows_it() {
     let folder = tempfile::tempdir().unwrap();
     let series = phantom(folder.path());
     let _planted = Planted::into(Path::new(&series));
+    for slice in std::fs::read_dir(&series).unwrap().map(|slice| slice.unwrap().path()) {
+        if let Ok(mut object) = dicom_object::open_file(&slice) {
+            object.put(DataElement::new(tags::STUDY_DATE, VR::DA, "20090314"));
+            object.write_to_file(&slice).unwrap();
+        }
+    }
     let name = |more: &[&str]| {
         let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0"];
         let running = Running::spawn(&mut relief(&[&arguments[..], more].concat()));
@@ -74,8 +82,10 @@ fn descriptions_are_shown_if_the_operator_allows_it() {
         let listed: serde_json::Value = serde_json::from_slice(&running.get("/v1/volumes").1).unwrap();
         listed["volumes"][0]["name"].as_str().unwrap().to_owned()
     };
-    assert!(name(&[]).starts_with("Object, "));
-    assert!(name(&["--show-patient-data"]).starts_with("DOE^JANral phantom: "));
+    let hidden = name(&[]);
+    assert!(hidden.starts_with("Object, ") && !hidden.contains("2009"), "{hidden}");
+    let shown = name(&["--show-patient-data"]);
+    assert!(shown.starts_with("DOE^JANral phantom: ") && shown.ends_with(", 2009-03-14"), "{shown}");
 }
 
 /// Invariant: No name, id or UID of a patient is in an answer, a log line, a metric, the audit log or

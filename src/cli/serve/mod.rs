@@ -126,8 +126,8 @@ pub(super) struct ServeArguments {
     /// read again when they are
     #[arg(long, value_name = "BYTES", default_value = "16GiB", value_parser = parse_bytes)]
     memory: u64,
-    /// Call volumes by the descriptions of their series, on the pages, over HTTP and on stderr. A
-    /// description is free text and may name the patient
+    /// Call volumes by the descriptions of their series and the dates of the studies, on the pages,
+    /// over HTTP and on stderr. A description is free text and may name the patient
     #[arg(long)]
     show_patient_data: bool,
     /// Regions and meshes that the log of annotations may have together; more are refused

@@ -30,7 +30,8 @@ pub enum NameSource {
     /// The body part that the voxels show.
     #[default]
     Anatomy,
-    /// The description of the series, which may name the patient; the body part where it is empty.
+    /// The description of the series, which may name the patient, or the body part where it is empty;
+    /// and the date of the study.
     Description,
 }
 
@@ -72,6 +73,8 @@ pub struct VolumeEntry {
     pub reference: Option<Arc<SeriesReference>>,
     /// The description of the series, where the operator wants it to be shown.
     pub(super) description: Option<String>,
+    /// The date of the study, where the operator wants it to be shown.
+    pub(super) date: Option<String>,
     /// Label map on the grid of the volume.
     pub labels: Option<Arc<LabelMap>>,
     /// Its name and the beginning of its hash, for captions.
@@ -117,9 +120,10 @@ impl VolumeEntry {
         let table = volume.table().cloned();
         let voxels = Arc::new(Voxels::new(volume, reader));
         let id = id_of(hash, identity.as_ref(), siblings);
-        let description = reference.as_deref().map(SeriesReference::description);
-        let description = description.filter(|text| names == NameSource::Description && !text.is_empty());
+        let shown_reference = reference.as_deref().filter(|_| names == NameSource::Description);
+        let description = shown_reference.map(SeriesReference::description).filter(|text| !text.is_empty());
         let description = description.map(str::to_owned);
+        let date = shown_reference.and_then(SeriesReference::study_date);
         let has_own_labels = owner == Owner::Operator && labels.is_some();
         let mut entry = Self {
             id,
@@ -136,6 +140,7 @@ impl VolumeEntry {
             identity,
             reference,
             description,
+            date,
             labels,
             region: sibling.map_or(hash, |sibling| sibling.region),
             table,
@@ -190,17 +195,20 @@ impl VolumeEntry {
     }
 
     /// Its name for people: the body part and the size. Descriptions of series may name patients;
-    /// they take the body part's place where the operator shows them.
+    /// they take the body part's place, and the date of the study is added, where the operator shows
+    /// them.
     #[must_use]
     pub fn name(&self) -> String {
         let phase = self.phase().map(|phase| format!(", {phase}")).unwrap_or_default();
-        match &self.description {
+        let date = self.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
+        let name = match &self.description {
             Some(description) => {
                 let [nx, ny, nz] = self.grid.dims();
-                format!("{description}, {nx} × {ny} × {nz}{phase}")
+                format!("{description}, {nx} × {ny} × {nz}")
             }
-            None => format!("{}{phase}", name_of(self.anatomy, &self.grid)),
-        }
+            None => name_of(self.anatomy, &self.grid),
+        };
+        format!("{name}{phase}{date}")
     }
 
     /// The frame of reference of annotations in this volume. It may hold a UID, which leads to a
