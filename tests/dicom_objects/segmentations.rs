@@ -106,6 +106,8 @@ fn a_segmentation_has_the_voxels_of_its_map() {
             let off = apart(&positions(&found.map, name), &positions(&map, name));
             assert!(off < 1e-6, "{name}: {off} mm");
         }
+        let (_folder, file) = file_of("seg.dcm", &bytes);
+        check_by_dcmqi("segmentations read by dcmqi", &file, &map);
         let rgb = found.map.segments()[0].rgb.unwrap();
         assert!(rgb.iter().zip([0.8, 0.4, 0.2]).all(|(a, b)| (a - b).abs() < 0.002), "{rgb:?}");
     }
@@ -151,6 +153,7 @@ fn label_maps_keep_their_labels_in_every_reader() {
                 let off = apart(&sorted(at), &positions(&map, segment["label"].as_str().unwrap()));
                 assert!(off < 1e-6, "{}: {off} mm", segment["label"]);
             }
+            check_by_dcmqi("label maps read by dcmqi", &file, &map);
             if let Some((errors, _)) = dciodvfy("label maps checked by dciodvfy", &file) {
                 // It does not know their SOP class; numbers from one on are for BINARY ones.
                 let known = ["Information Object Not found", "not monotonically increasing"];
@@ -160,6 +163,38 @@ fn label_maps_keep_their_labels_in_every_reader() {
         }
     }
 }
+
+/// The voxels of all segments lie where dcmqi's converter finds them. It numbers the segments of a
+/// segmentation from 1, and those of a label map by their labels.
+fn check_by_dcmqi(what: &str, file: &std::path::Path, map: &LabelMap) {
+    let Some(read) = python(what, DCMQI, &[file]) else { return };
+    let read: Value = serde_json::from_str(&read).unwrap();
+    let found: Vec<&Value> = read.as_array().unwrap().iter().collect();
+    let own = map.segments().iter().map(|own| positions(map, own.name.as_deref().unwrap()));
+    let own: Vec<_> = own.filter(|positions| !positions.is_empty()).collect();
+    assert_eq!(found.len(), own.len(), "{read}");
+    for (found, own) in found.iter().zip(own) {
+        let at = found.as_array().unwrap().iter().map(|at| DVec3::from_slice(&numbers(at))).collect();
+        let off = apart(&sorted(at), &own);
+        assert!(off < 1e-3, "{off} mm"); // its files have six digits
+    }
+}
+
+const DCMQI: &str = r"
+import glob, json, subprocess, sys, tempfile, SimpleITK, numpy as np, dcmqi, os
+folder = tempfile.mkdtemp()
+program = os.path.join(os.path.dirname(dcmqi.__file__), 'bin', 'segimage2itkimage')
+subprocess.run([program, '--inputDICOM', sys.argv[1], '--outputDirectory', folder, '--outputType', 'nrrd'], check=True, stdout=subprocess.DEVNULL)
+found = []
+for path in glob.glob(folder + '/*.nrrd'):
+    image = SimpleITK.ReadImage(path)
+    values = SimpleITK.GetArrayFromImage(image)
+    for label in np.unique(values[values != 0]):
+        at = np.argwhere(values == label)[:, ::-1]
+        found.append([int(label), [image.TransformIndexToPhysicalPoint([int(i) for i in one]) for one in at]])
+found.sort(key=lambda one: one[0])
+print(json.dumps([at for label, at in found]))
+";
 
 const HIGHDICOM: &str = r"
 import json, sys, numpy as np, highdicom as hd
