@@ -43,10 +43,19 @@ struct GrowingSeries {
     is_committed: bool,
 }
 
-/// The series of one association, and whether all their objects were stored.
+/// The series of one association, by their folders.
 #[derive(Debug, Default)]
 pub(super) struct Transfer {
-    is_stored: HashMap<PathBuf, bool>,
+    series: HashMap<PathBuf, TransferredSeries>,
+}
+
+#[derive(Debug)]
+struct TransferredSeries {
+    /// Whether the series was marked as interrupted when its first object arrived. Only then does
+    /// this transfer repeat one that broke off: an association beside it may have carried the rest.
+    repeats: bool,
+    /// Whether all its objects were stored.
+    is_stored: bool,
 }
 
 /// How an association ended.
@@ -103,24 +112,26 @@ impl Inbox {
         }
         let folder = self.folder.join(name_of(&identity.study)).join(name_of(&identity.series));
         let path = folder.join(name_of(sop_instance) + ".dcm");
+        let repeats = folder.join(INTERRUPTED).exists();
         let status = self.write(&folder, &path, &file).unwrap_or_else(|error| {
             tracing::error!("an object cannot be written: {error}");
             Status::OutOfResources
         });
         // A duplicate is there, in the version that came first.
         let is_stored = matches!(status, Status::Success | Status::Duplicate);
-        transfer.is_stored.entry(folder).and_modify(|all| *all &= is_stored).or_insert(is_stored);
+        transfer.series.entry(folder).or_insert(TransferredSeries { repeats, is_stored: true }).is_stored &=
+            is_stored;
         status
     }
 
-    /// Ends a transfer: marks the series that it left incomplete, and takes the mark from those that
-    /// came whole. Either is reported again.
+    /// Ends a transfer: marks the series that it left incomplete, and removes the mark of those that
+    /// it repeated completely. Both are reported again.
     pub(super) fn finish(&self, transfer: Transfer, end: TransferEnd) {
-        for (folder, is_stored) in transfer.is_stored {
+        for (folder, TransferredSeries { repeats, is_stored }) in transfer.series {
             let is_whole = is_stored && end == TransferEnd::Released;
             let mark = folder.join(INTERRUPTED);
             let marked = match (is_whole, mark.exists()) {
-                (true, true) => std::fs::remove_file(&mark),
+                (true, true) if repeats => std::fs::remove_file(&mark),
                 (false, false) if folder.is_dir() => write_whole(&mark, INTERRUPTED_TEXT),
                 _ => continue,
             };
@@ -255,4 +266,33 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
         }
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of two associations that carry parts of a series, one breaks off: what the other one sends is
+    /// no repetition.
+    #[test]
+    fn only_a_repetition_removes_the_mark_of_an_interrupted_transfer() {
+        let folder = tempfile::tempdir().unwrap();
+        let inbox = Inbox::open(folder.path(), 1 << 20).unwrap();
+        let series = folder.path().join("study").join("series");
+        std::fs::create_dir_all(&series).unwrap();
+        let is_marked_after = |repeats: bool, is_stored: bool, end: TransferEnd| {
+            let known = TransferredSeries { repeats, is_stored };
+            inbox.finish(Transfer { series: HashMap::from([(series.clone(), known)]) }, end);
+            let completed = inbox.completed(Duration::ZERO);
+            let is_marked = series.join(INTERRUPTED).exists();
+            assert!(completed.iter().all(|series| series.is_interrupted == is_marked));
+            is_marked
+        };
+        assert!(!is_marked_after(false, true, TransferEnd::Released));
+        assert!(is_marked_after(false, true, TransferEnd::Interrupted));
+        assert!(is_marked_after(false, true, TransferEnd::Released), "it began before the other broke off");
+        assert!(is_marked_after(true, true, TransferEnd::Interrupted));
+        assert!(is_marked_after(true, false, TransferEnd::Released), "an object was refused");
+        assert!(!is_marked_after(true, true, TransferEnd::Released));
+    }
 }
