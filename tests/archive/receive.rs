@@ -8,6 +8,9 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use dicom_core::{DataElement, VR};
+use dicom_dictionary_std::tags;
+
 use super::orthanc::{Orthanc, Wanted};
 use crate::cluster::stage::{Process, free_ports, listed, lone, phantom, relief, until, volumes};
 use crate::common::child;
@@ -446,6 +449,34 @@ fn an_interrupted_transfer_is_reported_until_it_was_repeated() {
     let refused = send(storescu.arg("-nh"), "SCANNER", receiving.port, &series);
     assert!(printed(&refused).contains("OutOfResources"), "{}", printed(&refused));
     until_line(&mut receiving, |line| line.ends_with("; the transfer broke off"));
+}
+
+/// Series of buckets and archives are read in the same way.
+#[test]
+fn the_phases_of_a_received_series_are_served_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let (series, inbox) = (phantom(folder.path(), "slab"), folder.path().join("inbox"));
+    let received = inbox.join("study").join("series");
+    std::fs::create_dir_all(&received).unwrap();
+    for slice in slices_below(&series) {
+        let mut object = dicom_object::open_file(&slice).unwrap();
+        let uid = object.element(tags::SOP_INSTANCE_UID).unwrap().to_str().unwrap().into_owned();
+        for phase in ["1", "2"] {
+            object.put(DataElement::new(tags::TEMPORAL_POSITION_IDENTIFIER, VR::IS, phase));
+            object.put(DataElement::new(tags::SOP_INSTANCE_UID, VR::UI, format!("{uid}.{phase}")));
+            let name = format!("{phase}-{}", slice.file_name().unwrap().to_str().unwrap());
+            object.write_to_file(received.join(name)).unwrap();
+        }
+    }
+    let mut serve = relief(&["serve", "--listen", "127.0.0.1:0", "--receive-caller", "SCANNER"]);
+    serve.args(["--receive-listen", &format!("127.0.0.1:{}", free_ports()), "--receive"]).arg(&inbox);
+    let (_process, lines) = Process::start(serve.stderr(Stdio::null()));
+    let address = lines[0].split_once("http://").unwrap().1.trim_end_matches('/').to_owned();
+    until("both phases are served", || volumes(&address).len() == 2);
+    let listed = listed(&address);
+    let phases: Vec<_> = listed["volumes"].as_array().unwrap().iter().map(|volume| &volume["phase"]).collect();
+    assert_eq!(phases[0]["series"], phases[1]["series"], "{listed}");
+    assert_eq!([0, 1].map(|at: usize| phases[at]["number"].as_u64().unwrap()), [1, 2]);
 }
 
 /// The next line of which this is true.
