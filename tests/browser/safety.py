@@ -125,7 +125,7 @@ def restarts(browsers, server):
                 break
             time.sleep(0.05)
         kept.append(before >= confirmed and found == [expected] * len(found))
-    lost = "ERR_CONNECTION_REFUSED", "WebSocket", "Failed to fetch", "404", "503", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE"
+    lost = "ERR_CONNECTION_REFUSED", "WebSocket", "Failed to fetch", "404", "503", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE", "ERR_SOCKET_NOT_CONNECTED"
     problems = [problem for page in pages for problem in page.problems if not any(word in problem for word in lost)]
     for page in pages:
         page.context.close()
