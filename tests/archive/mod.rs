@@ -9,6 +9,7 @@ mod faults;
 mod orthanc;
 mod page;
 mod receive;
+mod received;
 mod results;
 mod series;
 mod stand_in;
