@@ -15,9 +15,9 @@ use sha2::{Digest, Sha256};
 
 use super::message::Status;
 
-/// What the file in an interrupted series says.
+/// Content of the file that marks an interrupted series.
 const INTERRUPTED_TEXT: &[u8] =
-    b"The transfer of this series broke off, so slices may be missing. Send it again: a whole transfer removes this file.\n";
+    b"The transfer of this series was interrupted, so slices may be missing. Send it again: a complete transfer removes this file.\n";
 /// Hexadecimal digits of the names of folders and files.
 const NAME_DIGITS: usize = 16;
 
@@ -51,8 +51,8 @@ pub(super) struct Transfer {
 
 #[derive(Debug)]
 struct TransferredSeries {
-    /// Whether the series was marked as interrupted when its first object arrived. Only then does
-    /// this transfer repeat one that broke off: an association beside it may have carried the rest.
+    /// Whether the series was marked as interrupted before its first object arrived, so that this
+    /// transfer repeats the interrupted one. Otherwise two associations each carry a part.
     repeats: bool,
     /// Whether all its objects were stored.
     is_stored: bool,
@@ -74,7 +74,7 @@ pub struct CompletedSeries {
     pub folder: PathBuf,
     /// Number of objects that arrived since it was reported last.
     pub objects: usize,
-    /// Whether its transfer broke off, or objects were refused: slices may be missing.
+    /// Whether its transfer was interrupted or objects were refused: slices may be missing.
     pub is_interrupted: bool,
 }
 
@@ -112,15 +112,16 @@ impl Inbox {
         }
         let folder = self.folder.join(name_of(&identity.study)).join(name_of(&identity.series));
         let path = folder.join(name_of(sop_instance) + ".dcm");
-        let repeats = folder.join(INTERRUPTED).exists();
+        let repeats = || folder.join(INTERRUPTED).exists();
+        let series = transfer.series.entry(folder.clone());
+        let series = series.or_insert_with(|| TransferredSeries { repeats: repeats(), is_stored: true });
         let status = self.write(&folder, &path, &file).unwrap_or_else(|error| {
             tracing::error!("an object cannot be written: {error}");
             Status::OutOfResources
         });
-        // A duplicate is there, in the version that came first.
+        // Of a duplicate, the first version is stored.
         let is_stored = matches!(status, Status::Success | Status::Duplicate);
-        transfer.series.entry(folder).or_insert(TransferredSeries { repeats, is_stored: true }).is_stored &=
-            is_stored;
+        series.is_stored &= is_stored;
         status
     }
 
@@ -139,7 +140,7 @@ impl Inbox {
                 tracing::error!("a series cannot be marked as interrupted or whole: {error}");
             }
             if !is_whole {
-                tracing::warn!("the transfer of a series broke off; slices may be missing");
+                tracing::warn!("the transfer of a series was interrupted; slices may be missing");
             }
             let growing = GrowingSeries { objects: 0, last: Instant::now(), is_committed: false };
             self.state.lock().growing.entry(folder).or_insert(growing);
@@ -215,17 +216,17 @@ impl Inbox {
         state.growing.retain(|folder, series| {
             let is_quiet = series.is_committed || series.last.elapsed() >= quiet;
             if is_quiet {
-                let is_interrupted = folder.join(INTERRUPTED).exists();
-                completed.push(CompletedSeries {
-                    folder: folder.clone(),
-                    objects: series.objects,
-                    is_interrupted,
-                });
+                completed.push((folder.clone(), series.objects));
             }
             !is_quiet
         });
-        completed.sort_by(|a, b| a.folder.cmp(&b.folder));
-        completed
+        drop(state); // no file is looked at under the lock
+        completed.sort();
+        let described = |(folder, objects): (PathBuf, usize)| {
+            let is_interrupted = folder.join(INTERRUPTED).exists();
+            CompletedSeries { folder, objects, is_interrupted }
+        };
+        completed.into_iter().map(described).collect()
     }
 }
 
@@ -272,8 +273,8 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
 mod tests {
     use super::*;
 
-    /// Of two associations that carry parts of a series, one breaks off: what the other one sends is
-    /// no repetition.
+    /// If one of two parallel associations is interrupted, the end of the other one does not remove the
+    /// mark: each carries a part of the series.
     #[test]
     fn only_a_repetition_removes_the_mark_of_an_interrupted_transfer() {
         let folder = tempfile::tempdir().unwrap();
@@ -290,7 +291,7 @@ mod tests {
         };
         assert!(!is_marked_after(false, true, TransferEnd::Released));
         assert!(is_marked_after(false, true, TransferEnd::Interrupted));
-        assert!(is_marked_after(false, true, TransferEnd::Released), "it began before the other broke off");
+        assert!(is_marked_after(false, true, TransferEnd::Released), "it began before the interruption");
         assert!(is_marked_after(true, true, TransferEnd::Interrupted));
         assert!(is_marked_after(true, false, TransferEnd::Released), "an object was refused");
         assert!(!is_marked_after(true, true, TransferEnd::Released));
