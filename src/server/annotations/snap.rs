@@ -65,7 +65,9 @@ pub(super) async fn snap(
         }
     };
     let found = pictures.engine.snap(&entry, at, ray, wanted).await??;
-    Ok(Json(answer(at, &found)))
+    let mut answer = answer(at, &found);
+    answer["unit"] = entry.anatomy.quantity().unit().into();
+    Ok(Json(answer))
 }
 
 fn answer(from: Point<Patient>, found: &Snapped) -> Value {
