@@ -19,7 +19,7 @@ use crate::stop::stop_signal;
 /// Each series gets a folder of its own, DIR/STUDY/SERIES, with names that do not tell UIDs. An object
 /// is a whole file on the disk before it is acknowledged. A line is printed for each series of which
 /// nothing has arrived for --quiet seconds; its folder is a --series of the other commands. If a transfer
-/// breaks off, the folder has a file INTERRUPTED until the series is sent again, and reading it warns.
+/// is interrupted, the folder has a file INTERRUPTED until the series is sent again, and reading it warns.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -105,7 +105,7 @@ fn report(inbox: &Inbox, quiet: Duration, json: bool) {
             let CompletedSeries { folder, objects, is_interrupted } = series;
             say!("{}", json!({ "series": folder, "objects": objects, "interrupted": is_interrupted }));
         } else {
-            let broken = if series.is_interrupted { "; the transfer broke off" } else { "" };
+            let broken = if series.is_interrupted { "; the transfer was interrupted" } else { "" };
             say!("{}: {} objects{broken}", series.folder.display(), series.objects);
         }
     }

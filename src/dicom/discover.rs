@@ -42,7 +42,7 @@ pub struct Skipped {
     pub defect: Option<Defect>,
 }
 
-/// Name of a file that says of its folder: a transfer of these slices broke off.
+/// Name of the file that marks a folder whose transfer was interrupted.
 pub const INTERRUPTED: &str = "INTERRUPTED";
 
 /// The series under a path.

@@ -296,8 +296,8 @@ pub enum Defect {
         /// The first bytes, or a note that the file is empty.
         found: String,
     },
-    /// The file that says that a transfer broke off.
-    #[error("the transfer of this series broke off, so slices may be missing; send it again")]
+    /// The file that marks an interrupted transfer.
+    #[error("the transfer of this series was interrupted, so slices may be missing; send it again")]
     Interrupted,
     /// The system could not read it.
     #[error("cannot be read: {0}")]

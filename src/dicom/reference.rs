@@ -185,7 +185,7 @@ impl SeriesReference {
         &self.description
     }
 
-    /// Study Date (0008,0020) as YYYY-MM-DD, if the files have one. It helps to identify a patient.
+    /// Study Date (0008,0020) as YYYY-MM-DD, if the files have one. A date can identify a patient.
     #[must_use]
     pub fn study_date(&self) -> Option<String> {
         let at = REPEATED.iter().position(|(tag, _)| *tag == tags::STUDY_DATE)?;

@@ -16,7 +16,7 @@ pub struct LeftOut {
     pub items: Vec<ItemId>,
 }
 
-/// The items of a phase, and the loss of the others.
+/// The items of a phase; the others are reported as a loss.
 pub(super) fn of_phase(items: &[Item], phase: Option<usize>) -> (Vec<&Item>, Vec<LeftOut>) {
     let (kept, others): (Vec<&Item>, Vec<&Item>) = items.iter().partition(|item| item.is_in_phase(phase));
     let mut lost = Vec::new();

@@ -45,7 +45,8 @@ pub struct Anatomy {
     pub has_metal: bool,
     /// Whether there is bone, or something as dense.
     pub has_bone: bool,
-    /// The quantity, the lowest and the highest value, if the values are not HU: they show no anatomy.
+    /// The quantity, the lowest and the highest value, if the values are not HU. Then the anatomy is
+    /// unknown.
     pub other_values: Option<(Quantity, [i16; 2])>,
 }
 
@@ -107,8 +108,8 @@ impl Anatomy {
         self.other_values.map_or(Quantity::Hounsfield, |(quantity, _)| quantity)
     }
 
-    /// Centre and width of the window that suits its slices, HU; that of all values if they are not
-    /// HU.
+    /// Centre and width of the window that suits its slices, HU. Other quantities have a window over
+    /// all values.
     #[must_use]
     pub fn window_hu(self) -> [f64; 2] {
         if let Some((_, range)) = self.other_values {
@@ -357,7 +358,7 @@ mod tests {
         anatomy.preset().unwrap().name
     }
 
-    /// Invariant: Values that are not HU choose no preset and no window that is made for HU.
+    /// Invariant: Volumes of other quantities than HU get no HU preset and no HU window by default.
     #[test]
     fn values_that_are_not_hu_show_no_anatomy() {
         let head = Phantom::head(48).unwrap().volume;

@@ -4,8 +4,8 @@
 //! empty-space skipping, label maps, masks, and procedural phantoms with known truth. It reads no
 //! files (see `dicom`) and uses no GPU (see `render`).
 //!
-//! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z. Volumes of
-//! other quantities say so ([`Volume::quantity`]); names with `hu` hold their values then.
+//! Spaces: voxel index and patient mm. Values: HU as `i16`, x fastest, then y, then z. A
+//! volume may have another quantity ([`Volume::quantity`]); names with `hu` then mean its values.
 
 mod anatomy;
 mod bricks;
@@ -116,7 +116,7 @@ impl Volume {
         Ok(Self { grid, voxels_hu: Arc::new(voxels_hu), range_hu, quantity, derived: Arc::default() })
     }
 
-    /// The same voxels as values of a quantity.
+    /// The same voxels, interpreted as values of this quantity.
     #[must_use]
     pub fn of_quantity(self, quantity: Quantity) -> Self {
         if quantity == self.quantity {
@@ -182,7 +182,7 @@ impl Volume {
     }
 
     /// The table on which the patient lies, if there is one; computed once, then remembered by all
-    /// clones. It is found by its HU: values of other quantities show none.
+    /// clones. The search needs HU, so a volume of another quantity has no table.
     #[must_use]
     pub fn table(&self) -> Option<&Arc<Table>> {
         let find = || self.quantity.is_hu().then(|| Table::find(&self.in_units()).map(Arc::new)).flatten();

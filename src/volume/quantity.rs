@@ -1,27 +1,27 @@
-//! The quantity of a volume's values. Everything that knows tissue by its values (presets, windows,
-//! the table, the anatomy) holds for Hounsfield units only.
+//! The quantity of a volume's values. Presets, windows, the table and the anatomy apply to Hounsfield
+//! units only.
 
 /// The quantity that the values of a volume measure: Rescale Type (0028,1054) of PS3.3 C.11.1.1.2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quantity {
-    /// Hounsfield units, which CT has unless it says otherwise.
+    /// Hounsfield units, the default of CT.
     #[default]
     Hounsfield,
-    /// Modified Hounsfield units, such as those of virtual images without contrast medium.
+    /// Modified Hounsfield units, for example of virtual non-contrast images.
     ModifiedHounsfield,
     /// Optical density.
     OpticalDensity,
-    /// Material density, mg/ml, such as that of iodine.
+    /// Material density, mg/ml, for example of iodine.
     Concentration,
     /// Effective atomic number.
     EffectiveAtomicNumber,
     /// Electron density, 10²³/ml.
     ElectronDensity,
-    /// Electron density, as a multiple of water's.
+    /// Electron density relative to water.
     RelativeElectronDensity,
     /// Per cent.
     Percent,
-    /// A quantity that the files do not name, or by a name of their own.
+    /// Unspecified, or a Rescale Type that the standard does not define.
     Unspecified,
 }
 
@@ -38,15 +38,15 @@ impl Quantity {
         (Self::Unspecified, "US"),
     ];
 
-    /// The quantity of a Rescale Type; [`Quantity::Unspecified`] for a name that is not defined, which
-    /// may hold anything.
+    /// The quantity of a Rescale Type; [`Quantity::Unspecified`] for a name that the standard does not
+    /// define. Such a name is not kept: it is free text.
     #[must_use]
     pub fn of_rescale_type(name: &str) -> Self {
         let known = Self::NAMES.into_iter().find(|(_, known)| *known == name);
         known.map_or(Self::Unspecified, |(quantity, _)| quantity)
     }
 
-    /// Its Rescale Type, behind numbers and in answers.
+    /// Its Rescale Type, which names the unit in answers.
     #[must_use]
     pub fn unit(self) -> &'static str {
         Self::NAMES.into_iter().find(|(known, _)| *known == self).map_or("US", |(_, name)| name)

@@ -350,7 +350,8 @@ fn four_callers_at_once_lose_nothing() {
     assert!(child::peak_of(&receiving.process) < 100, "{} MiB", child::peak_of(&receiving.process));
 }
 
-/// Invariant: A series whose transfer broke off says so wherever it is read, until it was sent again.
+/// Invariant: Reading a series whose transfer was interrupted gives a warning until the series is
+/// sent again.
 #[test]
 fn an_interrupted_transfer_is_reported_until_it_was_repeated() {
     let what = "interrupted transfers";
@@ -360,26 +361,26 @@ fn an_interrupted_transfer_is_reported_until_it_was_repeated() {
     let mut receiving = Receiving::start(&inbox, &["--any-caller"]);
     let sent = send(storescu.arg("--abort"), "SCANNER", receiving.port, &series);
     assert!(sent.status.success(), "{}", printed(&sent));
-    let line = until_line(&mut receiving, |line| line.ends_with("; the transfer broke off"));
+    let line = until_line(&mut receiving, |line| line.ends_with("; the transfer was interrupted"));
     let received = PathBuf::from(line.split_once(": ").unwrap().0);
     let inspect = |options: &[&str]| relief(&["inspect"]).arg(&received).args(options).output().unwrap();
-    assert!(printed(&inspect(&[])).contains("the transfer of this series broke off"));
+    assert!(printed(&inspect(&[])).contains("the transfer of this series was interrupted"));
     assert!(!inspect(&["--strict"]).status.success());
     let render = |out: &str| {
         let mut render = relief(&["render", "--size", "64x48", "--layout", "color", "--series"]);
         printed(&render.arg(&received).arg("--out").arg(folder.path().join(out)).output().unwrap())
     };
-    assert!(render("part.png").contains("the transfer of this series broke off"));
+    assert!(render("part.png").contains("the transfer of this series was interrupted"));
     let Some(mut storescu) = dcmtk(what, "storescu") else { return };
     assert!(send(&mut storescu, "SCANNER", receiving.port, &series).status.success());
     until_line(&mut receiving, |line| line.ends_with(" objects"));
-    assert!(inspect(&["--strict"]).status.success() && !render("whole.png").contains("broke off"));
+    assert!(inspect(&["--strict"]).status.success() && !render("whole.png").contains("was interrupted"));
     // Objects that were refused are missing, too.
     let mut receiving = Receiving::start(&folder.path().join("other"), &["--any-caller", "--quota", "40KiB"]);
     let Some(mut storescu) = dcmtk(what, "storescu") else { return };
     let refused = send(storescu.arg("-nh"), "SCANNER", receiving.port, &series);
     assert!(printed(&refused).contains("OutOfResources"), "{}", printed(&refused));
-    until_line(&mut receiving, |line| line.ends_with("; the transfer broke off"));
+    until_line(&mut receiving, |line| line.ends_with("; the transfer was interrupted"));
 }
 
 /// The next line of which this is true.

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{driven, skipped};
 
-/// Invariant: Values that are not HU choose no preset and no window that is made for HU.
+/// Invariant: Volumes of other quantities than HU get no HU preset and no HU window by default.
 #[test]
 fn pages_name_the_unit_and_choose_no_preset() {
     let Some(seen) = driven("quantities.py", "48", false) else { return skipped("other values on pages") };

@@ -120,7 +120,7 @@ fn contours_become_curves_in_lists_of_their_structures() {
     assert!(refused.contains("rtstruct cannot be written (can be: mrk.json"), "{refused}");
 }
 
-/// Invariant: Warnings of a series reach whoever gets its pictures or exports.
+/// Invariant: DICOMweb answers and exports carry the warnings of their series.
 #[test]
 fn exports_carry_the_warnings_of_the_series() {
     let series = made::series();

@@ -72,7 +72,7 @@ async fn pictures_have_the_requested_media_type_and_viewport() {
     assert_eq!(refused["offers"], json!(["image/jpeg", "image/png"]));
 }
 
-/// Invariant: Warnings of a series reach whoever gets its pictures or exports.
+/// Invariant: DICOMweb answers and exports carry the warnings of their series.
 #[tokio::test]
 async fn answers_have_the_warnings_of_the_series() {
     let stage = Stage::empty(Config::default(), QueueConfig::default());

@@ -1,5 +1,5 @@
-//! Volumes whose values are not HU: no preset and no window that is made for HU shows them, and
-//! every answer names their unit.
+//! Volumes of other quantities than HU: volume descriptions and picks name the unit, and no HU preset
+//! is chosen.
 
 use relief_server::Config;
 use relief_session::{LoadedVolume, QueueConfig};
@@ -19,7 +19,7 @@ fn add_iodine(stage: &Stage) -> String {
     id
 }
 
-/// Invariant: Values that are not HU choose no preset and no window that is made for HU.
+/// Invariant: Volumes of other quantities than HU get no HU preset and no HU window by default.
 #[tokio::test]
 async fn volumes_name_their_unit_and_choose_no_preset() {
     let mut stage = Stage::empty(Config::default(), QueueConfig::default());

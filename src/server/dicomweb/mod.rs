@@ -84,8 +84,8 @@ async fn rendered(
     Ok(with_warnings(response, &entry.warnings))
 }
 
-/// The response with the warnings of the series, each kind once, as `Warning` headers of code 299
-/// (PS3.18, 11.4.2.1).
+/// The response with a `Warning` header (RFC 7234, 5.5; code 299) for each kind of warning of the
+/// series.
 fn with_warnings(mut response: Response, warnings: &[WarningCode]) -> Response {
     let kinds: BTreeSet<WarningCode> = warnings.iter().copied().collect();
     for kind in kinds {

@@ -120,7 +120,7 @@ mod tests {
 
     const COUNT: usize = 5;
 
-    /// Invariant: Phases play in their order and at their pace, and the camera stays.
+    /// Invariant: Phases play in order and at the requested rate, and the camera does not move.
     #[test]
     fn phases_follow_each_other_by_the_clock() {
         let volumes = Volumes::within(1 << 20);
