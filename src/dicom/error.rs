@@ -297,7 +297,9 @@ pub enum Defect {
         found: String,
     },
     /// The file that marks an interrupted transfer.
-    #[error("the transfer of this series was interrupted, so slices may be missing; send it again")]
+    #[error(
+        "the transfer of this series has not ended or was interrupted, so slices may be missing; if it has ended, send it again"
+    )]
     Interrupted,
     /// The system could not read it.
     #[error("cannot be read: {0}")]

@@ -29,7 +29,7 @@ pub enum WarningCode {
     DuplicateFile,
     /// A file could not be used.
     BadFile,
-    /// The transfer of the series was interrupted; slices may be missing.
+    /// The transfer of the series has not ended or was interrupted; slices may be missing.
     Interrupted,
     /// There is only one slice; its thickness had to stand in for a spacing.
     SingleSlice,
@@ -58,7 +58,9 @@ impl WarningCode {
             }
             Self::DuplicateFile => "An image was there twice; one copy is shown.",
             Self::BadFile => "A file could not be used; the series may be incomplete.",
-            Self::Interrupted => "The transfer of the series was interrupted; slices may be missing.",
+            Self::Interrupted => {
+                "The transfer of the series has not ended or was interrupted; slices may be missing."
+            }
             Self::SingleSlice => "There is only one slice.",
             Self::MissingRescale => "The files have no rescale values; stored values are taken as HU.",
             Self::OtherValues => "The values are not in HU.",

@@ -33,6 +33,11 @@ def looks(window):
     return [window.page.evaluate(CHOSEN), window.asked["volume"].get("preset"), window.page.inner_text("#purpose")]
 
 
+def units(page):
+    """The units beside the inputs of values."""
+    return page.locator("[data-value-unit]").all_text_contents()
+
+
 def page(browser, server):
     window = Window(browser, server, "/")
     settled(window)
@@ -44,6 +49,7 @@ def page(browser, server):
     window.page.reload()
     settled(window)
     found["reloaded"] = looks(window)[:2]
+    found["units"] = units(window.page)
     found["problems"] = window.problems
     window.context.close()
     return found
@@ -56,6 +62,7 @@ def annotate(browser, server):
     page.click("axial", 0.5, 0.5)
     page.wait("document.getElementById('readout').innerText.includes('MGML')")
     page.shot("quantity-annotate")
+    found["units"] = units(page.page)
     found["problems"] = page.problems
     page.context.close()
     return found

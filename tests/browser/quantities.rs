@@ -16,6 +16,8 @@ fn pages_name_the_unit_and_choose_no_preset() {
     assert_eq!(seen["annotate"]["preset"], "");
     for found in [page, &seen["annotate"]] {
         assert!(found["facts"].as_str().unwrap().ends_with(" MGML"), "{found}");
+        let units = found["units"].as_array().unwrap();
+        assert!(!units.is_empty() && units.iter().all(|unit| unit == "MGML"), "{found}");
         assert_eq!(found["problems"], json!([]));
     }
 }

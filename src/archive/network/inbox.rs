@@ -17,7 +17,7 @@ use super::message::Status;
 
 /// Content of the file that marks an interrupted series.
 const INTERRUPTED_TEXT: &[u8] =
-    b"The transfer of this series was interrupted, so slices may be missing. Send it again: a complete transfer removes this file.\n";
+    b"The transfer of this series has not ended or was interrupted, so slices may be missing. Send it again: a complete transfer removes this file.\n";
 /// Hexadecimal digits of the names of folders and files.
 const NAME_DIGITS: usize = 16;
 
@@ -27,6 +27,8 @@ pub struct Inbox {
     folder: PathBuf,
     quota_bytes: u64,
     state: Mutex<State>,
+    /// Guards the marks in the folders as well.
+    open: Mutex<HashMap<PathBuf, OpenSeries>>,
 }
 
 #[derive(Debug, Default)]
@@ -43,19 +45,42 @@ struct GrowingSeries {
     is_committed: bool,
 }
 
-/// The series of one association, by their folders.
-#[derive(Debug, Default)]
-pub(super) struct Transfer {
+/// The series that one association sends. Dropping it ends the transfer, also when a panic does.
+#[derive(Debug)]
+pub(super) struct Transfer<'a> {
+    inbox: &'a Inbox,
     series: HashMap<PathBuf, TransferredSeries>,
+    /// How the association ended; interrupted until it is released.
+    pub(super) end: TransferEnd,
+}
+
+impl Drop for Transfer<'_> {
+    fn drop(&mut self) {
+        for (folder, series) in std::mem::take(&mut self.series) {
+            let is_whole = series.is_stored && self.end == TransferEnd::Released;
+            self.inbox.finish(folder, series.repeated, is_whole);
+        }
+    }
 }
 
 #[derive(Debug)]
 struct TransferredSeries {
-    /// Whether the series was marked as interrupted before its first object arrived, so that this
-    /// transfer repeats the interrupted one. Otherwise two associations each carry a part.
-    repeats: bool,
+    /// Interruptions of the series before its first object arrived: this transfer repeats them.
+    /// Of later ones, each association carried a part of its own.
+    repeated: u64,
     /// Whether all its objects were stored.
     is_stored: bool,
+}
+
+/// A series of which at least one transfer has not ended. Its folder has the mark, so that it stays
+/// marked when the program is killed.
+#[derive(Debug)]
+struct OpenSeries {
+    transfers: usize,
+    /// Transfers that were not whole.
+    interruptions: u64,
+    /// How many of them a whole transfer has repeated.
+    repeated: u64,
 }
 
 /// How an association ended.
@@ -87,13 +112,18 @@ impl Inbox {
         std::fs::create_dir_all(folder)?;
         let bytes = bytes_below(folder)?;
         let state = Mutex::new(State { bytes, growing: HashMap::new() });
-        Ok(Self { folder: folder.to_owned(), quota_bytes, state })
+        Ok(Self { folder: folder.to_owned(), quota_bytes, state, open: Mutex::default() })
+    }
+
+    /// Begins the transfer of an association.
+    pub(super) fn transfer(&self) -> Transfer<'_> {
+        Transfer { inbox: self, series: HashMap::new(), end: TransferEnd::Interrupted }
     }
 
     /// Stores an object of a transfer; on success it is durable.
     pub(super) fn store(
         &self,
-        transfer: &mut Transfer,
+        transfer: &mut Transfer<'_>,
         [sop_class, sop_instance, syntax]: [&str; 3],
         data_set: &[u8],
     ) -> Status {
@@ -112,9 +142,9 @@ impl Inbox {
         }
         let folder = self.folder.join(name_of(&identity.study)).join(name_of(&identity.series));
         let path = folder.join(name_of(sop_instance) + ".dcm");
-        let repeats = || folder.join(INTERRUPTED).exists();
         let series = transfer.series.entry(folder.clone());
-        let series = series.or_insert_with(|| TransferredSeries { repeats: repeats(), is_stored: true });
+        let series =
+            series.or_insert_with(|| TransferredSeries { repeated: self.begin(&folder), is_stored: true });
         let status = self.write(&folder, &path, &file).unwrap_or_else(|error| {
             tracing::error!("an object cannot be written: {error}");
             Status::OutOfResources
@@ -125,26 +155,43 @@ impl Inbox {
         status
     }
 
-    /// Ends a transfer: marks the series that it left incomplete, and removes the mark of those that
-    /// it repeated completely. Both are reported again.
-    pub(super) fn finish(&self, transfer: Transfer, end: TransferEnd) {
-        for (folder, TransferredSeries { repeats, is_stored }) in transfer.series {
-            let is_whole = is_stored && end == TransferEnd::Released;
-            let mark = folder.join(INTERRUPTED);
-            let marked = match (is_whole, mark.exists()) {
-                (true, true) if repeats => std::fs::remove_file(&mark),
-                (false, false) if folder.is_dir() => write_whole(&mark, INTERRUPTED_TEXT),
-                _ => continue,
-            };
-            if let Err(error) = marked {
-                tracing::error!("a series cannot be marked as interrupted or whole: {error}");
-            }
-            if !is_whole {
-                tracing::warn!("the transfer of a series was interrupted; slices may be missing");
-            }
-            let growing = GrowingSeries { objects: 0, last: Instant::now(), is_committed: false };
-            self.state.lock().growing.entry(folder).or_insert(growing);
+    /// Notes a transfer of the series of this folder; returns the interruptions before it.
+    fn begin(&self, folder: &Path) -> u64 {
+        let mut open = self.open.lock();
+        let series = open.entry(folder.to_owned()).or_insert_with(|| OpenSeries {
+            transfers: 0,
+            interruptions: u64::from(folder.join(INTERRUPTED).exists()),
+            repeated: 0,
+        });
+        series.transfers += 1;
+        series.interruptions
+    }
+
+    /// Ends a transfer of a series. The mark is removed with the last transfer, unless one was not
+    /// whole and none has repeated it since. The series is reported again.
+    fn finish(&self, folder: PathBuf, repeated: u64, is_whole: bool) {
+        let mut open = self.open.lock();
+        let Some(series) = open.get_mut(&folder) else { return };
+        series.transfers -= 1;
+        if is_whole {
+            series.repeated = series.repeated.max(repeated);
+        } else {
+            series.interruptions += 1;
         }
+        let is_incomplete = series.interruptions > series.repeated;
+        if series.transfers == 0 {
+            open.remove(&folder);
+        }
+        let is_marked = is_incomplete || open.contains_key(&folder);
+        if let Err(error) = mark(&folder, is_marked) {
+            tracing::error!("a series cannot be marked as interrupted or whole: {error}");
+        }
+        drop(open);
+        if !is_whole {
+            tracing::warn!("the transfer of a series was interrupted; slices may be missing");
+        }
+        let growing = GrowingSeries { objects: 0, last: Instant::now(), is_committed: false };
+        self.state.lock().growing.entry(folder).or_insert(growing);
     }
 
     /// The objects that are kept: whole files, which stay. Series of them are complete.
@@ -185,7 +232,7 @@ impl Inbox {
             return Ok(Status::OutOfResources);
         }
         let is_new = !folder.is_dir();
-        let written = std::fs::create_dir_all(folder).and_then(|()| write_whole(path, file));
+        let written = self.prepare(folder).and_then(|()| write_whole(path, file));
         let written = written.and_then(|()| sync_folders(folder, if is_new { &self.folder } else { folder }));
         let mut state = self.state.lock();
         if let Err(error) = written {
@@ -199,6 +246,13 @@ impl Inbox {
         series.last = Instant::now();
         series.is_committed = false;
         Ok(Status::Success)
+    }
+
+    /// Creates and marks the folder of a series that is being received.
+    fn prepare(&self, folder: &Path) -> std::io::Result<()> {
+        std::fs::create_dir_all(folder)?;
+        let _open = self.open.lock();
+        mark(folder, true)
     }
 
     fn reserve(&self, bytes: u64) -> bool {
@@ -227,6 +281,16 @@ impl Inbox {
             CompletedSeries { folder, objects, is_interrupted }
         };
         completed.into_iter().map(described).collect()
+    }
+}
+
+/// Sets or removes the mark of a folder. A folder that is missing stays missing.
+fn mark(folder: &Path, is_marked: bool) -> std::io::Result<()> {
+    let path = folder.join(INTERRUPTED);
+    match (is_marked, path.exists()) {
+        (true, false) if folder.is_dir() => write_whole(&path, INTERRUPTED_TEXT),
+        (false, true) => std::fs::remove_file(&path),
+        _ => Ok(()),
     }
 }
 
@@ -273,27 +337,45 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
 mod tests {
     use super::*;
 
-    /// If one of two parallel associations is interrupted, the end of the other one does not remove the
-    /// mark: each carries a part of the series.
+    /// A series is marked while it is received, so that a killed program leaves the mark. Of two
+    /// parallel associations each carries a part: the end of one does not remove the mark of the other.
     #[test]
-    fn only_a_repetition_removes_the_mark_of_an_interrupted_transfer() {
+    fn only_whole_transfers_and_repetitions_remove_the_mark() {
         let folder = tempfile::tempdir().unwrap();
         let inbox = Inbox::open(folder.path(), 1 << 20).unwrap();
         let series = folder.path().join("study").join("series");
-        std::fs::create_dir_all(&series).unwrap();
-        let is_marked_after = |repeats: bool, is_stored: bool, end: TransferEnd| {
-            let known = TransferredSeries { repeats, is_stored };
-            inbox.finish(Transfer { series: HashMap::from([(series.clone(), known)]) }, end);
-            let completed = inbox.completed(Duration::ZERO);
-            let is_marked = series.join(INTERRUPTED).exists();
-            assert!(completed.iter().all(|series| series.is_interrupted == is_marked));
-            is_marked
+        let is_marked = || series.join(INTERRUPTED).exists();
+        let begun = |is_stored: bool| {
+            let mut transfer = inbox.transfer();
+            let repeated = inbox.begin(&series);
+            inbox.prepare(&series).unwrap();
+            assert!(is_marked(), "while it is received");
+            transfer.series.insert(series.clone(), TransferredSeries { repeated, is_stored });
+            transfer
         };
-        assert!(!is_marked_after(false, true, TransferEnd::Released));
-        assert!(is_marked_after(false, true, TransferEnd::Interrupted));
-        assert!(is_marked_after(false, true, TransferEnd::Released), "it began before the interruption");
-        assert!(is_marked_after(true, true, TransferEnd::Interrupted));
-        assert!(is_marked_after(true, false, TransferEnd::Released), "an object was refused");
-        assert!(!is_marked_after(true, true, TransferEnd::Released));
+        let is_marked_after = |mut transfer: Transfer<'_>, end: TransferEnd| {
+            transfer.end = end;
+            drop(transfer);
+            let completed = inbox.completed(Duration::ZERO);
+            assert!(completed.iter().all(|series| series.is_interrupted == is_marked()));
+            is_marked()
+        };
+        assert!(!is_marked_after(begun(true), TransferEnd::Released));
+        let (first, second) = (begun(true), begun(true));
+        assert!(is_marked_after(first, TransferEnd::Released), "the other one is still open");
+        assert!(!is_marked_after(second, TransferEnd::Released));
+        let (first, second) = (begun(true), begun(true));
+        assert!(is_marked_after(first, TransferEnd::Interrupted));
+        let repetition = begun(true);
+        assert!(is_marked_after(second, TransferEnd::Released), "it began before the interruption");
+        assert!(is_marked_after(begun(true), TransferEnd::Interrupted));
+        assert!(is_marked_after(repetition, TransferEnd::Released), "the later one is not repeated");
+        assert!(is_marked_after(begun(false), TransferEnd::Released), "an object was refused");
+        let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _transfer = begun(true);
+            panic!("of the protocol library");
+        }));
+        assert!(panicked.is_err() && is_marked());
+        assert!(!is_marked_after(begun(true), TransferEnd::Released));
     }
 }

@@ -246,9 +246,8 @@ impl Shared {
     }
 
     fn converse(&self, association: ServerAssociation<TcpStream>, address: IpAddr) {
-        let mut transfer = Transfer::default();
-        let end = self.requests(association, address, &mut transfer);
-        self.inbox.finish(transfer, end);
+        let mut transfer = self.inbox.transfer();
+        transfer.end = self.requests(association, address, &mut transfer);
     }
 
     /// Answers requests until the association ends.
@@ -256,7 +255,7 @@ impl Shared {
         &self,
         mut association: ServerAssociation<TcpStream>,
         address: IpAddr,
-        transfer: &mut Transfer,
+        transfer: &mut Transfer<'_>,
     ) -> TransferEnd {
         let mut message = Message::default();
         loop {
@@ -328,7 +327,7 @@ impl Shared {
         context: u8,
         request: &Request,
         data_set: &[u8],
-        transfer: &mut Transfer,
+        transfer: &mut Transfer<'_>,
     ) -> Option<Answer> {
         let negotiated = association.presentation_contexts().iter().find(|one| one.id == context)?;
         let mut commitment = None;

@@ -5,7 +5,7 @@ import { showArchives } from "./archives.js";
 import { Cine } from "./cine.js";
 import { Crop, describeFaces } from "./crop.js";
 import { Planes } from "./planes.js";
-import { VolumeMenu } from "./volumes.js";
+import { VolumeMenu, nameUnit } from "./volumes.js";
 import { onFile, saveAs, uploadZip } from "./files.js";
 import { onDivider, onGestures } from "./gestures.js";
 import { showIdentity } from "./identity.js";
@@ -372,6 +372,7 @@ function describeVolume(volume) {
   showWarnings($("series-warnings"), volume);
   volumeMenu.choose(volume.id);
   $("volume-facts").textContent = facts(volume);
+  nameUnit(volume);
   phases.fill(volume, volumes);
   picks.forget();
 }

@@ -7,10 +7,10 @@ const $ = (id) => document.getElementById(id);
 const USUAL_HU = 300;
 
 /** Updates the slider from the state. */
-export function describeSurface({ mode, iso }) {
+export function describeSurface({ mode, iso, volume }) {
   $("iso-field").hidden = mode !== "isosurface";
   $("iso").value = iso ?? USUAL_HU;
-  $("iso-value").textContent = iso === null ? "preset" : `${iso} HU`;
+  $("iso-value").textContent = iso === null ? "preset" : `${iso} ${volume?.unit ?? "HU"}`;
 }
 
 /** Writes the chosen value into the state and calls back. */

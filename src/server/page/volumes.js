@@ -35,6 +35,11 @@ export class VolumeMenu {
   }
 }
 
+/** Names the unit of a volume's values beside the inputs of values. */
+export function nameUnit({ unit }) {
+  for (const label of document.querySelectorAll("[data-value-unit]")) label.textContent = unit;
+}
+
 /** The picture of a volume for menus: no preset suits values that are not HU. */
 const thumbnailOf = ({ id, anatomy: { preset } }) =>
   preset ? `/v1/volumes/${id}/presets/${preset}/thumbnail` : `/v1/volumes/${id}/frame?layout=color&size_px=160,120`;

@@ -5,7 +5,7 @@ import { spacingWords } from "/lengths.js";
 import { Planes } from "/planes.js";
 import { request } from "/view.js";
 import { identityOf, showWarnings } from "/series.js";
-import { VolumeMenu } from "/volumes.js";
+import { VolumeMenu, nameUnit } from "/volumes.js";
 import { places } from "./geometry.js";
 
 const $ = (id) => document.getElementById(id);
@@ -25,6 +25,7 @@ export const pageFacts = {
   volume(volume) {
     const { id, dims, hu_range: [low, high] } = volume;
     $("series").textContent = identityOf(volume);
+    nameUnit(volume);
     $("series").hidden = !$("volume-field").hidden; // the menu has it
     showWarnings($("series-warnings"), volume);
     const size = `${dims.join(" × ")} voxels`;
