@@ -147,6 +147,9 @@ fn scene_of(loaded: &BudgetedVolume<'_>, job: &Job) -> Result<Scene, SeriesError
         scene.expect_size_of_layout().map_err(permanent)?;
     }
     let request = &mut scene.request;
+    if !job.products.iter().any(|product| product.is_frame()) {
+        request.for_views = None;
+    }
     // Overlays are hidden by depth.
     request.needs_depth =
         !request.overlays.is_empty() || job.products.iter().any(|product| product.needs_depth());

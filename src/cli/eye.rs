@@ -77,11 +77,9 @@ impl ViewingEye {
             .context("the eye sees nothing through the screen")?;
         let farther_mm = camera.distance_mm() - screen_mm;
         let [near_mm, far_mm] = [limits.near_mm, limits.far_mm].map(|mm| Some(mm + farther_mm));
-        Ok(Scene {
-            request: RenderRequest { camera, ..scene.request.clone() },
-            display: DisplaySettings { near_mm, far_mm, screen_plane: None, ..scene.display.clone() },
-            ..scene.clone()
-        })
+        let display = DisplaySettings { near_mm, far_mm, screen_plane: None, ..scene.display.clone() };
+        let request = RenderRequest { camera, ..scene.request.clone() };
+        Ok(Scene { request, ..scene.clone() }.with_display(display))
     }
 
     /// The eye and its camera, for the report.

@@ -162,6 +162,9 @@ pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     let labels = series.load_labels(loaded.volume.grid())?;
     let subject = Subject::of(&loaded.volume, labels.as_ref());
     let mut scene = scene_file.resolve_for(&subject, &arguments.scene.orbit())?;
+    if arguments.out.format != FileFormat::Png {
+        scene.request.for_views = None; // the other formats have the depth of rays
+    }
     draw_annotations(arguments.annotations.as_deref(), &loaded, &mut scene)?;
     arguments.check(&scene)?;
     if eye.is_some() {

@@ -8,11 +8,10 @@ use anyhow::{Context, bail};
 
 use crate::output::milliseconds;
 use relief_base::DepthLimits;
-use relief_display::{
-    FrameEncoder, Layout, Picture, TrueViews, ViewGrid, Views, encode_views, interpolate, psnr_db,
+use relief_display::{FrameEncoder, Layout, TrueViews, ViewGrid, Views, encode_views, interpolate, psnr_db};
+use relief_render::{
+    Mode, Refinement, RenderRequest, RenderedFrame, Renderer, Scene, eye_cameras, true_views,
 };
-use relief_render::{Mode, Refinement, RenderRequest, RenderedFrame, Renderer, Scene};
-use relief_session::{eye_cameras, true_views};
 use relief_volume::{Camera, Volume};
 
 /// The views that are written.
@@ -92,8 +91,7 @@ fn interpolated(
     let seen_by = |camera: Camera| RenderRequest { camera, ..scene.request.clone() };
     let since = Instant::now();
     let key_of = |eye: f64, seen: &RenderedFrame| {
-        let picture = Picture::new(seen.size_px, &seen.color_rgba, &seen.depth_mm)?;
-        Ok::<_, anyhow::Error>(encoder.key_view(eye, &picture, limits))
+        Ok::<_, anyhow::Error>(encoder.key_view(eye, &seen.picture()?, limits))
     };
     let mut keys = Vec::new();
     if from_middle {
@@ -165,7 +163,7 @@ pub(super) fn make(
     }
     let (since, mut pictures) = (Instant::now(), Vec::new());
     for camera in cameras {
-        let seen = render(&RenderRequest { camera, ..scene.request.clone() })?;
+        let seen = render(&scene.request.seen_by(camera))?;
         pictures.push(seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect());
     }
     let views_ms = milliseconds(since);
@@ -217,11 +215,7 @@ fn from_one_picture(
 }
 
 fn synthesised(encoder: &FrameEncoder, frame: &RenderedFrame, limits: DepthLimits) -> anyhow::Result<Views> {
-    let mut picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
-    if let Some(back) = &frame.back {
-        picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
-    }
-    Ok(encoder.views(&picture, limits)?)
+    Ok(encoder.views(&frame.picture()?, limits)?)
 }
 
 /// The plane of the screen before a scene's camera, and the distance of eyes there.

@@ -18,6 +18,7 @@ mod header;
 mod inspect;
 mod layout;
 mod limits;
+mod matching;
 mod problem;
 mod profile;
 mod screen_plane;
@@ -34,7 +35,7 @@ pub use encode::{
     Attribute, CameraMatrices, DecodedDepthImage, DepthImage, EncodeError, decode_exr, decode_wiggle,
     encode_exr, encode_jpeg, encode_png, encode_views,
 };
-pub use filter::DepthFilter;
+pub use filter::{DepthFilter, grounded_depth};
 pub use header::{ContentType, ExtendedPart, Header, HeaderPart, HeaderProblem, HeaderReading};
 pub use inspect::{
     DepthExtent, FrameReport, InspectError, Select, ViewsReport, inspect_frame, inspect_png, read_png,
@@ -43,6 +44,7 @@ pub use layout::{
     BackStart, DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameContent, FrameEncoder,
     LayoutInfo, Picture, Pixels, Placement,
 };
+pub use matching::{SideView, disparity_for_views, side_size_px};
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use screen_plane::ScreenPlane;

@@ -16,6 +16,8 @@ pub(crate) struct Frame {
     /// Everything but the pixels.
     frame: RenderedFrame,
     display: DisplaySettings,
+    /// The depth as it was rendered, where there is another one for displays; else empty.
+    rendered_mm: Vec<f32>,
     color: Py<PyArray3<u8>>,
     depth_mm: Py<PyArray2<f32>>,
 }
@@ -27,8 +29,9 @@ impl Frame {
         let rgba: Vec<u8> = bytemuck::allocation::cast_vec(std::mem::take(&mut frame.color_rgba));
         let color = PyArray1::from_vec(py, rgba).reshape([height, width, 4])?.unbind();
         let depth = std::mem::take(&mut frame.depth_mm);
+        let rendered_mm = if frame.display_mm.is_some() { depth.clone() } else { Vec::new() };
         let depth_mm = PyArray1::from_vec(py, depth).reshape([height, width])?.unbind();
-        Ok(Self { frame, display, color, depth_mm })
+        Ok(Self { frame, display, rendered_mm, color, depth_mm })
     }
 
     /// The picture with its pixels.
@@ -39,9 +42,14 @@ impl Frame {
         let back = self.frame.back.as_ref();
         let back = back
             .map(|back| BackLayer { color_rgba: back.color_rgba.clone(), depth_mm: back.depth_mm.clone() });
+        let depth_mm: Vec<f32> = depth.as_array().iter().copied().collect();
+        // A depth that was changed replaces the one that was made for displays.
+        let is_changed = depth_mm != self.rendered_mm;
+        let display_mm = self.frame.display_mm.clone().filter(|_| !is_changed);
         Ok(RenderedFrame {
             color_rgba: rgba.as_chunks::<4>().0.to_vec(),
-            depth_mm: depth.as_array().iter().copied().collect(),
+            depth_mm,
+            display_mm,
             back,
             ..self.frame.clone()
         })

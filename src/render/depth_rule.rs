@@ -30,6 +30,9 @@ pub enum DepthRule {
         /// Share of a layer's final opacity, above 0 and up to 1.
         fraction: f64,
     },
+    /// The depth under which the picture best predicts the views beside it, for displays. The depth
+    /// of a ray, which picks use, is that of the default rule.
+    Views,
 }
 
 /// A row of [`DepthRule::TABLE`].
@@ -59,7 +62,7 @@ impl DepthRule {
     pub const USUAL_FRACTION: f64 = 0.5;
 
     /// All rules, in the order of menus.
-    pub const TABLE: [DepthRuleEntry; 7] = {
+    pub const TABLE: [DepthRuleEntry; 8] = {
         const FRACTION: f64 = DepthRule::USUAL_FRACTION;
         const fn entry(
             rule: DepthRule,
@@ -80,6 +83,7 @@ impl DepthRule {
             entry(Self::Expected, "expected", 4, "the mean by weight"),
             of_samples(entry(Self::Wysiwyp, "wysiwyp", 5, "the start of the largest rise of opacity")),
             entry(Self::TwoLayer { fraction: FRACTION }, "two-layer", 6, "a depth for each of two layers"),
+            entry(Self::Views, "views", 1, "the depth that the views beside agree on"),
         ]
     };
 
@@ -134,6 +138,12 @@ impl DepthRule {
         matches!(self, Self::TwoLayer { .. })
     }
 
+    /// The rule of single rays: rule `views` has the default one.
+    #[must_use]
+    pub fn of_rays(self) -> Self {
+        if self == Self::Views { Self::default() } else { self }
+    }
+
     /// `DEPTH_RULE` in the shaders.
     pub(super) fn code(self) -> u32 {
         self.entry().code
@@ -166,6 +176,9 @@ mod tests {
         let source = stage_sources(TableStorage::Uniform, RAYCAST).join("\n");
         let module = naga::front::wgsl::parse_str(&source).expect("the shader parses");
         for name in DepthRule::names() {
+            if name == DepthRule::Views.name() {
+                continue; // rays have another rule
+            }
             let constant_name = format!("DEPTH_{}", name.to_uppercase().replace('-', "_"));
             let found = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(&constant_name));
             let (_, constant) = found.expect(&constant_name);

@@ -12,6 +12,7 @@
 use super::chosen::ChosenBlocks;
 use super::cut::CutFaces;
 use super::detail::Detail;
+use super::display_depth::ForViews;
 use super::illumination::{Illumination, Occlusion};
 use super::labels::{Labels, Look};
 use super::light::{Light, Placement};
@@ -95,6 +96,7 @@ impl FingerprintBytes {
             slab_mm,
             letters,
             depth,
+            for_views,
             needs_depth,
             clip,
             cut,
@@ -130,6 +132,13 @@ impl FingerprintBytes {
         self.list(lights, Self::light);
         let Illumination { shadows, occlusion: Occlusion { strength, radius_mm } } = illumination;
         self.numbers(&[*shadows, *strength, *radius_mm]);
+        self.path_trace(path_trace);
+        self.unusual(*detail, blocks.as_deref(), *needs_depth);
+        self.faces_and_caption(*cut, overlays.caption.as_deref());
+        self.for_views(for_views.as_ref());
+    }
+
+    fn path_trace(&mut self, path_trace: &PathTrace) {
         let PathTrace {
             passes,
             seed,
@@ -147,8 +156,6 @@ impl FingerprintBytes {
         self.side(*scatterings);
         self.side(u32::from(*denoise));
         self.numbers(&[*density, *environment, *exposure, *anisotropy, *surface, *surface_hu_per_mm]);
-        self.unusual(*detail, blocks.as_deref(), *needs_depth);
-        self.faces_and_caption(*cut, overlays.caption.as_deref());
     }
 
     /// Last, and only where they are not the usual ones: names of other pictures stay.
@@ -174,6 +181,15 @@ impl FingerprintBytes {
         if let Some(caption) = caption {
             self.text("caption");
             self.text(caption);
+        }
+    }
+
+    /// As [`Self::unusual`]. JSON has all settings of the display in a fixed order.
+    fn for_views(&mut self, for_views: Option<&ForViews>) {
+        if let Some(ForViews { display, casts_views }) = for_views {
+            self.text("for views");
+            self.flag(*casts_views);
+            self.text(&serde_json::to_string(&**display).unwrap_or_default()); // it cannot fail
         }
     }
 

@@ -1,7 +1,7 @@
 //! The result of a render: a picture with the view depth of every pixel, and its camera.
 
 use relief_base::{DepthLimits, OutOfRange, Patient, Point, View, ViewDepth};
-use relief_display::{DisplaySettings, visible_limits};
+use relief_display::{DisplaySettings, LayoutError, Picture, visible_limits};
 use relief_volume::Camera;
 
 /// The times of the parts of a frame, ms.
@@ -39,6 +39,9 @@ pub struct RenderedFrame {
     pub color_rgba: Vec<[u8; 4]>,
     /// Rows from the top. View depth in mm, `+inf` where the ray hit nothing.
     pub depth_mm: Vec<f32>,
+    /// Rows from the top. View depth for displays in mm, `+inf` where nothing is shown: chosen by rule
+    /// `views`; `None` under other rules, which have one depth for displays and picks.
+    pub display_mm: Option<Vec<f32>>,
     /// The background layer; `None` except for rule `two-layer`.
     pub back: Option<BackLayer>,
     /// The camera of the request.
@@ -76,6 +79,30 @@ impl RenderedFrame {
         let view_from_patient = self.camera.view_from_patient();
         let depth_of = |[x, y, z]: [f64; 3]| -(view_from_patient * Point::<Patient>::new(x, y, z)).xyz.z;
         display.limits_between(self.limits, own, depth_of)
+    }
+
+    /// The picture as displays get it: with the depth that is made for them, and the background
+    /// layer.
+    ///
+    /// # Errors
+    /// When the picture is too large for a frame.
+    pub fn picture(&self) -> Result<Picture<'_>, LayoutError> {
+        let depth_mm = self.display_mm.as_ref().unwrap_or(&self.depth_mm);
+        let picture = Picture::new(self.size_px, &self.color_rgba, depth_mm)?;
+        match &self.back {
+            Some(back) => picture.with_back(&back.color_rgba, &back.depth_mm),
+            None => Ok(picture),
+        }
+    }
+
+    /// Takes the depth of what was drawn over the picture into that for displays; `before` is the
+    /// depth of the picture without it.
+    pub(super) fn show_drawn(&mut self, before: &[f32]) {
+        let Some(display_mm) = &mut self.display_mm else { return };
+        let drawn = self.depth_mm.iter().zip(before);
+        for (shown, (drawn, _)) in display_mm.iter_mut().zip(drawn).filter(|(_, (a, b))| a != b) {
+            *shown = *drawn;
+        }
     }
 
     /// View depth of a pixel (column, row).

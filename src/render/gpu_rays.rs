@@ -188,6 +188,7 @@ impl GpuRays {
             size_px: request.size_px,
             color_rgba,
             depth_mm,
+            display_mm: None,
             back,
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),

@@ -99,6 +99,7 @@ mod tests {
             size_px,
             color_rgba: vec![[90; 4]; pixels],
             depth_mm: vec![f32::INFINITY; pixels],
+            display_mm: None,
             camera: plane.view().camera(Point::new(0.0, 0.0, 0.0), 300.0, 100.0).unwrap(),
             limits: DepthLimits::new(200.0, 400.0).unwrap(),
             nearest_ball_mm: None,

@@ -230,6 +230,7 @@ mod tests {
             size_px: SIZE_PX,
             color_rgba: pixels.map(|(x, y)| [color(x, y), 20, 30, 255]).collect(),
             depth_mm: vec![500.0; (width * height) as usize],
+            display_mm: None,
             back: None,
             camera: Camera::new(eye, look_at, Vector::new(0.0, 0.0, 1.0), projection).unwrap(),
             limits: DepthLimits::new(400.0, 600.0).unwrap(),

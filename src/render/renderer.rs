@@ -3,8 +3,10 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use super::display_depth::ForViews;
 use super::enlarge::enlarged;
 use super::error::RenderError;
+use super::for_views::{Unfinished, ViewsBeside, displayed};
 use super::frame::RenderedFrame;
 use super::gpu_rays::GpuRays;
 use super::letters;
@@ -35,6 +37,8 @@ pub struct Renderer {
     is_lost: bool,
     /// The part of the last picture's request that the processor left to a graphics adapter.
     left: Option<&'static str>,
+    /// A picture that waits for the views beside it.
+    unfinished: Option<Unfinished>,
 }
 
 impl Renderer {
@@ -68,6 +72,7 @@ impl Renderer {
             has_short_bands: false,
             is_lost: false,
             left: None,
+            unfinished: None,
         })
     }
 
@@ -92,6 +97,7 @@ impl Renderer {
             has_short_bands: false,
             is_lost: false,
             left: None,
+            unfinished: None,
         }
     }
 
@@ -232,6 +238,8 @@ impl Renderer {
         let table = request.marked_table(volume);
         let volume = request.shown(volume);
         request.validate_on(volume.grid())?;
+        let of_rays = request.of_rays();
+        let (for_views, request) = (request.display_of_depth(), &of_rays);
         let preparing = Instant::now();
         let drawing = Drawing::new(request, volume.grid())?;
         let preparing_ms = milliseconds(preparing);
@@ -240,7 +248,10 @@ impl Renderer {
                 let whole = RenderRequest { blocks: None, ..request.clone() };
                 self.rays(volume, &whole, skipping, watch)?
             }
-            None => self.rays(volume, request, skipping, watch)?,
+            None => match for_views {
+                Some(for_views) => self.rays_for_views(volume, (for_views, request), skipping, watch)?,
+                None => self.rays(volume, request, skipping, watch)?,
+            },
             Some(size_px) => {
                 let reduced = RenderRequest { size_px, reduced_px: None, blocks: None, ..request.clone() };
                 let frame = self.rays(volume, &reduced, skipping, watch)?;
@@ -250,6 +261,9 @@ impl Renderer {
                 frame
             }
         };
+        if for_views.is_some() && frame.display_mm.is_none() {
+            frame.display_mm = Some(displayed(&frame, &frame.depth_mm)); // of an enlarged picture
+        }
         if let Some(table) = table {
             table_mark::draw(&mut frame, volume.grid(), table);
         }
@@ -258,9 +272,51 @@ impl Renderer {
         }
         if let Some(drawing) = drawing {
             let drawn = Instant::now();
+            let before = frame.display_mm.is_some().then(|| frame.depth_mm.clone());
             drawing.draw(&mut frame);
+            if let Some(before) = before {
+                frame.show_drawn(&before);
+            }
             frame.timings.overlay_ms += preparing_ms + milliseconds(drawn);
         }
+        Ok(frame)
+    }
+
+    /// The picture of a request's rays, and its depth for displays. Cancelled views beside the
+    /// picture are continued by an equal request: its picture is kept.
+    fn rays_for_views(
+        &mut self,
+        volume: &Volume,
+        (for_views, request): (&ForViews, &RenderRequest),
+        skipping: EmptySpaceSkipping,
+        watch: &mut Watch<'_>,
+    ) -> Result<RenderedFrame, RenderError> {
+        let hash = volume.content_hash();
+        let is_same = |kept: &mut Unfinished| {
+            kept.volume == hash && kept.request == *request && kept.for_views == *for_views
+        };
+        let (mut frame, mut cast) = match self.unfinished.take_if(is_same) {
+            Some(kept) => (kept.frame, kept.views),
+            None => (self.rays(volume, request, skipping, watch)?, Vec::new()),
+        };
+        let start = Instant::now();
+        let beside = ViewsBeside::of(for_views, request, &frame, volume.grid())?;
+        for view in beside.iter().flat_map(ViewsBeside::requests).skip(cast.len()) {
+            match self.rays(volume, view, skipping, watch) {
+                Ok(view) => cast.push(view),
+                Err(error) => {
+                    if matches!(error, RenderError::Cancelled) {
+                        let (request, for_views) = (request.clone(), for_views.clone());
+                        self.unfinished =
+                            Some(Unfinished { volume: hash, request, for_views, frame, views: cast });
+                    }
+                    return Err(error);
+                }
+            }
+        }
+        let chosen = beside.map(|beside| beside.depth_mm(&frame, &cast));
+        frame.display_mm = Some(displayed(&frame, chosen.as_deref().unwrap_or(&frame.depth_mm)));
+        frame.timings.render_ms += milliseconds(start);
         Ok(frame)
     }
 
@@ -349,6 +405,7 @@ impl Renderer {
 
     /// Frees all that is cached, after there was too little memory for a picture.
     pub fn release(&mut self) {
+        self.unfinished = None;
         if let Some(processor) = &mut self.processor {
             processor.clear();
         }
@@ -369,6 +426,7 @@ impl Renderer {
 
     /// Frees the prepared data of a volume and of its appearances.
     pub fn forget(&mut self, volume: ContentHash) {
+        self.unfinished = None;
         if let Some(processor) = &mut self.processor {
             [volume, volume.without_table()].into_iter().for_each(|shown| processor.forget(shown));
         }

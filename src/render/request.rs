@@ -11,6 +11,7 @@ use super::classification::Classification;
 use super::cut::CutFaces;
 pub(crate) use super::depth_rule::DepthRule;
 use super::detail::Detail;
+use super::display_depth::ForViews;
 use super::illumination::Illumination;
 use super::labels::Labels;
 use super::light::Light;
@@ -128,6 +129,8 @@ pub struct RenderRequest {
     pub letters: bool,
     /// The rule of depth.
     pub depth: DepthRule,
+    /// The display for which rule `views` chooses depths; `None` under other rules.
+    pub for_views: Option<ForViews>,
     /// Whether the depths of the picture are used. Where they are not, the processor's ray caster
     /// does not search for depths between samples: in mode composite they are those of the first
     /// visible samples, but under rule `two-layer`. Colours are the same.
@@ -213,6 +216,35 @@ impl RenderRequest {
             && self.shading.needs_gradient()
             && self.illumination.shadows > 0.0
             && !self.lights.is_empty()
+    }
+}
+
+impl RenderRequest {
+    /// The request of another camera, for a view whose depth is not displayed.
+    #[must_use]
+    pub fn seen_by(&self, camera: Camera) -> Self {
+        Self { camera, for_views: None, ..self.clone() }
+    }
+
+    /// The request whose rule `views` casts no views beside the picture.
+    #[must_use]
+    pub fn without_views_beside(mut self) -> Self {
+        if let Some(for_views) = &mut self.for_views {
+            for_views.casts_views = false;
+        }
+        self
+    }
+
+    /// The request of the picture's rays, where rule `views` follows them.
+    pub(super) fn of_rays(&self) -> Self {
+        Self { depth: self.depth.of_rays(), for_views: None, ..self.clone() }
+    }
+
+    /// The display that depth is made for, where the picture has such a depth.
+    pub(super) fn display_of_depth(&self) -> Option<&ForViews> {
+        let has_one = self.depth == DepthRule::Views && self.needs_depth && self.blocks.is_none();
+        let has_rule = matches!(self.mode, Mode::Composite | Mode::PathTraced);
+        self.for_views.as_ref().filter(|_| has_one && has_rule)
     }
 }
 

@@ -102,7 +102,7 @@ impl FrameUniform {
             // Exact: the step is a power of two.
             table_entries_per_hu: 1.0 / table.step_hu,
             table_last: (table.entries.len() - 1) as u32,
-            depth_fraction: request.depth.fraction().unwrap_or(0.0) as f32,
+            depth_fraction: request.depth.of_rays().fraction().unwrap_or(0.0) as f32,
             clip_plane_count: request.clip.planes.len() as u32,
             near_mm: near_mm as f32,
             lowest_visible_hu: appearance.tables.lowest_visible_hu(),

@@ -65,7 +65,7 @@ impl RenderRequest {
         surface::validate(self.mode, &self.surfaces)?;
         validate_classification(self)?;
         validate_cut(self)?;
-        let is_point_rule = matches!(self.depth, DepthRule::FirstHit | DepthRule::Threshold { .. });
+        let is_point_rule = matches!(self.depth.of_rays(), DepthRule::FirstHit | DepthRule::Threshold { .. });
         if self.mode == Mode::Isosurface && !is_point_rule {
             let allowed = "threshold or first-hit in mode isosurface";
             return Err(OutOfRange::new("depth.rule", self.depth.name(), allowed));

@@ -185,7 +185,6 @@ mod tests {
             ("classification", json!(Classification::default().name())),
             ("cut", json!(CutFaces::default().name())),
             ("quality", json!(Quality::default().name())),
-            ("depth_rule", json!(DepthRule::default().name())),
             ("depth_filter", json!(display.depth_filter.name())),
             ("azimuth_deg", json!(orbit.azimuth_deg)),
             ("elevation_deg", json!(orbit.elevation_deg)),

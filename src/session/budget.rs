@@ -213,7 +213,8 @@ fn smoothed(before: f64, measured: f64) -> f64 {
 /// The request with no more samples than a moving picture has.
 fn as_moving(request: &RenderRequest, grid: &Grid) -> RenderRequest {
     let moving_mm = Quality::Moving.sample_distance_mm(request, grid);
-    RenderRequest { sample_distance_mm: request.sample_distance_mm.max(moving_mm), ..request.clone() }
+    let sample_distance_mm = request.sample_distance_mm.max(moving_mm);
+    RenderRequest { sample_distance_mm, ..request.clone() }.without_views_beside()
 }
 
 fn at_step(request: &RenderRequest, share: f64, factor: f64) -> RenderRequest {

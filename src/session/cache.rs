@@ -74,7 +74,8 @@ fn size_of_entry(key: &FrameKey, frame: &RenderedFrame) -> usize {
     let layer = |color: &[[u8; 4]], depth: &[f32]| size_of_val(color) + size_of_val(depth);
     let back = frame.back.as_ref().map_or(0, |back| layer(&back.color_rgba, &back.depth_mm));
     let pixels = layer(&frame.color_rgba, &frame.depth_mm) + back;
-    size_of_val(key) + lists + size_of_val(frame) + pixels
+    let display = frame.display_mm.as_ref().map_or(0, |depth| size_of_val(depth.as_slice()));
+    size_of_val(key) + lists + size_of_val(frame) + pixels + display
 }
 
 #[cfg(test)]
@@ -96,6 +97,7 @@ mod tests {
             size_px: [10, 10],
             color_rgba: vec![[0; 4]; 100],
             depth_mm: vec![0.0; 100],
+            display_mm: None,
             back: None,
             camera: key.request.camera,
             limits: DepthLimits::new(1.0, 2.0).unwrap(),

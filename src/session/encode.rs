@@ -121,10 +121,11 @@ pub fn encode(
 }
 
 fn png(frame: &RenderedFrame, encoder: &FrameEncoder, limits: DepthLimits) -> Result<Vec<u8>, EncodingError> {
-    let mut picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
-    if let Some(back) = &frame.back {
-        picture = picture.with_back(&back.color_rgba, &back.depth_mm)?;
-    }
+    let picture = match encoder.layout() {
+        // For programs: the depth of the rays.
+        Layout::Depth16 => Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?,
+        _ => frame.picture()?,
+    };
     if encoder.layout().view_count() > 0 {
         return Ok(encode_views(encoder.layout(), &encoder.views(&picture, limits)?, encoder.panel())?);
     }

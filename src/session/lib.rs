@@ -20,7 +20,6 @@ mod live;
 mod service;
 mod thumbnail;
 mod ticket;
-mod true_views;
 mod volumes;
 mod waiting;
 
@@ -46,7 +45,6 @@ pub use live::{
 pub use service::{QueueConfig, RenderService, ServiceCounts};
 pub use thumbnail::{THUMBNAIL_SIZE_PX, Thumbnail, contact_sheet, thumbnail_scene};
 pub use ticket::Ticket;
-pub use true_views::{TrueViewsError, eye_cameras, true_views};
 pub use volumes::{
     Added, HostMemory, LoadedVolume, MemoryFull, NameSource, ReadError, UploadRefused, UploadedVolumes,
     VolumeEntry, VolumeError, VolumeReader, Volumes,

@@ -6,7 +6,7 @@ use parking_lot::MutexGuard;
 use super::{in_mode, renderer};
 use crate::common;
 use relief_render::{
-    EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, VolumeLimits,
+    DepthRule, EmptySpaceSkipping, Mode, RenderRequest, RenderedFrame, Renderer, SceneFile, VolumeLimits,
 };
 use relief_volume::{Orbit, Phantom, PhantomKind, Volume};
 
@@ -58,6 +58,8 @@ impl Drop for Limited {
 
 fn request(volume: &Volume) -> RenderRequest {
     let scene = SceneFile::default().with_preset("skin").with_size([48, 32]);
+    // Views beside the picture have an appearance of their own.
+    let scene = scene.with_depth_rule(DepthRule::default());
     scene.resolve(volume.grid(), &Orbit { azimuth_deg: 20.0, ..Orbit::default() }).unwrap().request
 }
 

@@ -15,6 +15,7 @@ mod clip_sphere;
 mod closed_forms;
 mod depth_rules;
 mod faces;
+mod for_views;
 mod illumination;
 mod instruments;
 mod isosurfaces;

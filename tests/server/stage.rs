@@ -130,6 +130,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
             .map(|d| if d.is_finite() { [200, 40, 20, 255] } else { [0; 4] })
             .collect(),
         depth_mm,
+        display_mm: None,
         back: None,
         camera: request.camera,
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),

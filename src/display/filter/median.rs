@@ -6,22 +6,18 @@
 
 use rayon::prelude::*;
 
-use super::padded::{Padded, miss_if_unknown};
-use crate::layout::Picture;
+use super::padded::Padded;
 
 /// Pixels that are worked on side by side.
 const LANES: usize = 8;
 
 type Lanes = [f32; LANES];
 
-/// The median over `SIDE` x `SIDE` pixels, `COUNT` in all. Values are view depth in mm, `+inf` for
-/// a miss.
-pub(super) fn median<const SIDE: usize, const COUNT: usize>(picture: &Picture<'_>) -> Vec<f32> {
+/// The median over `SIDE` x `SIDE` pixels, `COUNT` in all, of values in rows of `width`.
+pub(super) fn median<const SIDE: usize, const COUNT: usize>(values: &[f32], width: usize) -> Vec<f32> {
     const { assert!(SIDE * SIDE == COUNT && SIDE % 2 == 1, "an odd square window") };
-    let width = picture.size_px()[0] as usize;
-    let depth: Vec<f32> = picture.depth_mm().iter().map(|&mm| miss_if_unknown(mm)).collect();
-    let padded = Padded::new(&depth, width, SIDE / 2, LANES);
-    let mut filtered = vec![0.0; depth.len()];
+    let padded = Padded::new(values, width, SIDE / 2, LANES);
+    let mut filtered = vec![0.0; values.len()];
     filtered.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
         for (group, out) in line.chunks_mut(LANES).enumerate() {
             let mut window = [[0.0; LANES]; COUNT];

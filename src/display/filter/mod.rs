@@ -15,12 +15,15 @@
 //! none is made up.
 
 mod clear_edge;
+mod grounded;
 mod median;
 mod padded;
 
 use std::borrow::Cow;
 
 use super::layout::Picture;
+pub use grounded::grounded_depth;
+use padded::miss_if_unknown;
 use relief_base::DepthLimits;
 
 /// The filter of depth before it becomes Z or D.
@@ -75,8 +78,8 @@ impl DepthFilter {
     pub fn apply<'a>(self, picture: &Picture<'a>, limits: DepthLimits) -> Cow<'a, [f32]> {
         match self {
             Self::None => Cow::Borrowed(picture.depth_mm()),
-            Self::Median3 => Cow::Owned(median::median::<3, 9>(picture)),
-            Self::Median5 => Cow::Owned(median::median::<5, 25>(picture)),
+            Self::Median3 => Cow::Owned(median::median::<3, 9>(&known(picture.depth_mm()), width(picture))),
+            Self::Median5 => Cow::Owned(median::median::<5, 25>(&known(picture.depth_mm()), width(picture))),
             Self::ClearEdge => Cow::Owned(clear_edge::clear_edge(picture, limits)),
         }
     }
@@ -86,4 +89,13 @@ impl std::fmt::Display for DepthFilter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(self.name())
     }
+}
+
+/// Depths in mm without NaN, which is a miss.
+fn known(depth_mm: &[f32]) -> Vec<f32> {
+    depth_mm.iter().map(|&mm| miss_if_unknown(mm)).collect()
+}
+
+fn width(picture: &Picture<'_>) -> usize {
+    picture.size_px()[0] as usize
 }

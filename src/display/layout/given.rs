@@ -11,8 +11,15 @@ impl FrameEncoder {
     /// background layer is a separate picture.
     #[must_use]
     pub fn disparity(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u8> {
+        self.disparity_of(&self.filter.apply(picture, limits), limits)
+    }
+
+    /// D of view depths in mm, not filtered: scaled between the limits and mapped by the display's
+    /// curve. A miss is at the far limit.
+    #[must_use]
+    pub fn disparity_of(&self, depth_mm: &[f32], limits: DepthLimits) -> Vec<u8> {
         let table = DisparityTable::new(&self.profile, limits);
-        self.filter.apply(picture, limits).iter().map(|&mm| table.byte(mm)).collect()
+        depth_mm.iter().map(|&mm| table.byte(mm)).collect()
     }
 
     /// Z of every pixel in 16 bits, 65535 nearest, as layout `depth16` has it: depth filtered and

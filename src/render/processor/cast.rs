@@ -164,6 +164,7 @@ impl Order<'_> {
             size_px: request.size_px,
             color_rgba: front.color_rgba,
             depth_mm: front.depth_mm,
+            display_mm: None,
             back: back.map(|Layer { color_rgba, depth_mm }| BackLayer { color_rgba, depth_mm }),
             camera: request.camera,
             limits: depth_limits(&request.camera, volume.grid()),

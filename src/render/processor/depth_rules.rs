@@ -75,7 +75,9 @@ impl<L: Lanes> Scene<'_, L> {
     ) -> L::Real {
         match rule {
             DepthRule::FirstHit => self.first_hit(rays, sum.first),
-            DepthRule::Threshold { .. } => self.threshold_crossing(rays, sum, sum.total, chosen),
+            DepthRule::Threshold { .. } | DepthRule::Views => {
+                self.threshold_crossing(rays, sum, sum.total, chosen)
+            }
             DepthRule::TwoLayer { .. } => {
                 let opacity = self.front_layer(rays, walk, sum.first, chosen).opacity;
                 self.threshold_crossing(rays, sum, opacity, chosen)

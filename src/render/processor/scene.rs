@@ -118,7 +118,7 @@ impl<'a> Job<'a> {
             lights: Lights::new(lanes, request, volume.grid(), cells),
             surfaces: request.surfaces.iter().map(|surface| SurfaceInLanes::new(lanes, surface)).collect(),
             brightness: [lanes.splat(lowest), lanes.splat(span)],
-            depth_fraction: lanes.splat(request.depth.fraction().unwrap_or(0.0)),
+            depth_fraction: lanes.splat(request.depth.of_rays().fraction().unwrap_or(0.0)),
             is_cut: request.clip.sphere.is_some(),
             slab: SlabSamples::of(request),
             plane_t: request.camera.distance_mm() - depth_limits(&request.camera, volume.grid()).near_mm,

@@ -39,7 +39,7 @@ impl<L: Lanes> Scene<'_, L> {
         let whole = self.trace_surfaces(rays, walk, self.number(0.0), chosen);
         let hits = whole.reached & self.number(VISIBLE).le(whole.opacity);
         let mut t = whole.t;
-        if matches!(self.request.depth, DepthRule::Threshold { .. }) {
+        if matches!(self.request.depth.of_rays(), DepthRule::Threshold { .. }) {
             let target = self.depth_fraction * whole.opacity;
             let is_deeper = hits & whole.opacity_at_t.lt(target);
             if is_deeper.any() {

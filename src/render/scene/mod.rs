@@ -33,6 +33,7 @@ use self::whole::Whole;
 use super::classification::Classification;
 use super::cut::{CutChoice, CutFaces};
 use super::detail::Detail;
+use super::display_depth::ForViews;
 use super::framing::FramingRule;
 use super::illumination::Illumination;
 use super::mode::{Mode, SlabBlend};
@@ -70,6 +71,13 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The same scene on another display, for which rule `views` chooses depths.
+    #[must_use]
+    pub fn with_display(mut self, display: DisplaySettings) -> Self {
+        self.request.for_views = for_views(self.request.depth, &display);
+        Self { display, ..self }
+    }
+
     /// Refuses annotations: of those who have none to draw.
     ///
     /// # Errors
@@ -377,11 +385,7 @@ impl SceneFile {
         let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
         let around = |framing: &Framing| orbit.camera(framing.center(), framing.radius_mm(orbit, aspect));
         let has_own_view = slice.is_some() || self.camera.is_some();
-        if let Some(frame) = self.frame.filter(|_| has_own_view) {
-            let allowed = "left out where the scene has a camera or is a slice";
-            return Err(OutOfRange::new("frame", format_args!("{:?}", frame.name()), allowed).into());
-        }
-        let frame = self.frame.unwrap_or_default();
+        let frame = framing_rule(self.frame, has_own_view)?;
         let camera = match (slice, self.camera) {
             (Some(slice), _) => slice.camera(grid, size_px)?,
             (None, Some(camera)) => camera.resolve().map_err(SceneError::from)?,
@@ -416,7 +420,8 @@ impl SceneFile {
             detail: Detail::Full,
             slab_mm: slice.map_or(0.0, |slice| slice.slab_mm),
             letters: slice.is_some_and(|slice| slice.letters),
-            depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display)).resolve()?,
+            depth: self.depth.unwrap_or_else(|| DepthFile::usual(&self.display, mode, &camera)).resolve()?,
+            for_views: None,
             needs_depth: true,
             clip: clip.resolve()?,
             cut: self.cut.map_or(CutFaces::Lit, |cut| cut.resolve(usual_window_hu(content.anatomy()))),
@@ -431,11 +436,28 @@ impl SceneFile {
         if let Some(framing) = (!has_own_view).then(|| subject.framing(frame, &request)).flatten() {
             request.camera = around(&framing).map_err(SceneError::from)?;
         }
+        request.for_views = for_views(request.depth, &self.display);
         request.validate_on(grid)?;
         expect_background(&request, &self.display)?;
         let Self { display, budget_ms, annotations, .. } = self;
         Ok(Scene { request, frame, chosen, display, budget_ms, annotations })
     }
+}
+
+/// The fit of the camera; refuses one where there is nothing to fit.
+fn framing_rule(written: Option<FramingRule>, has_own_view: bool) -> Result<FramingRule, OutOfRange> {
+    match written.filter(|_| has_own_view) {
+        Some(frame) => {
+            let allowed = "left out where the scene has a camera or is a slice";
+            Err(OutOfRange::new("frame", format_args!("{:?}", frame.name()), allowed))
+        }
+        None => Ok(written.unwrap_or_default()),
+    }
+}
+
+/// The display of rule `views`.
+fn for_views(depth: DepthRule, display: &DisplaySettings) -> Option<ForViews> {
+    (depth == DepthRule::Views).then(|| ForViews { display: Arc::new(display.clone()), casts_views: true })
 }
 
 /// Whether presets are made for a mode: in the others a transfer function gives windows or colours.

@@ -8,8 +8,8 @@ use super::{SceneError, SyntaxError};
 use crate::mode::Mode;
 use crate::request::{Clip, ClipPlane, ClipSphere, DepthRule, Shading};
 use relief_base::{OutOfRange, Point, Vector};
-use relief_display::{DisplaySettings, ScreenPlane};
-use relief_volume::{Preset, PresetMode};
+use relief_display::{DisplaySettings, FrameContent, ScreenPlane};
+use relief_volume::{Camera, Preset, PresetMode, Projection};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -125,10 +125,18 @@ pub(super) fn default_shading(preset: Option<&Preset>) -> Shading {
 
 impl DepthFile {
     /// The default where nothing was written: the rule that the layout needs.
-    pub(super) fn usual(display: &DisplaySettings) -> Self {
+    ///
+    /// Views are made of frames with disparity, and by layouts of views; so their depth is made for
+    /// views. A parallel projection has no views beside it.
+    pub(super) fn usual(display: &DisplaySettings, mode: Mode, camera: &Camera) -> Self {
         let fraction = DepthRule::USUAL_FRACTION;
+        let is_for_views =
+            matches!(display.layout.info().content, FrameContent::Disparity(_) | FrameContent::Views(_));
+        let has_views = matches!(camera.projection(), Projection::Perspective { .. });
         Self::of_rule(if display.layout.needs_background() {
             DepthRule::TwoLayer { fraction }
+        } else if is_for_views && has_views && mode == Mode::Composite {
+            DepthRule::Views
         } else {
             DepthRule::Threshold { fraction }
         })

@@ -17,7 +17,7 @@ fn an_empty_scene_has_sane_defaults() {
     let scene = SceneFile::parse(b"{}").unwrap().resolve(&grid(), &Orbit::default()).unwrap();
     assert_eq!(scene.request.size_px, [960, 540]);
     assert_eq!(scene.request.mode, Mode::Composite);
-    assert_eq!(scene.request.depth, DepthRule::Threshold { fraction: 0.5 });
+    assert_eq!(scene.request.depth, DepthRule::Views);
     assert_eq!(scene.request.sample_distance_mm, 0.25);
 }
 
@@ -46,6 +46,30 @@ fn a_layout_with_a_background_has_the_rule_that_gives_one() {
     let scene = scene.resolve(&grid(), &Orbit::default()).unwrap();
     assert_eq!(scene.request.depth, DepthRule::TwoLayer { fraction: 0.5 });
     assert!(scene.request.has_back_layer());
+}
+
+#[test]
+fn depth_is_made_for_views_where_views_are_made_of_it() {
+    let rule = |json: &str| {
+        let scene = SceneFile::parse(json.as_bytes()).unwrap();
+        let request = scene.resolve(&grid(), &Orbit::default()).unwrap().request;
+        assert_eq!(request.for_views.is_some(), request.depth == DepthRule::Views, "{json}");
+        request.depth
+    };
+    for json in [r#"{}"#, r#"{"display":{"layout":"rgbd"}}"#, r#"{"display":{"layout":"views-9"}}"#] {
+        assert_eq!(rule(json), DepthRule::Views, "{json}");
+    }
+    let parallel = r#"{"camera":{"eye_mm":[0,-500,0],"look_at_mm":[0,0,0],"projection":{"orthographic":{"height_mm":100}}}}"#;
+    for json in [
+        r#"{"display":{"layout":"color"}}"#,
+        r#"{"display":{"layout":"depth16"}}"#,
+        r#"{"mode":"mip"}"#,
+        r#"{"mode":"path-traced"}"#,
+        r#"{"depth":{"rule":"threshold"}}"#,
+        parallel,
+    ] {
+        assert_eq!(rule(json), DepthRule::default(), "{json}");
+    }
 }
 
 #[test]

@@ -36,7 +36,7 @@ function write() {
   written = performance.now();
   const { azimuth, elevation, zoom, shift } = state.pose;
   const { preset, mode, iso, view, layout, overlays, fieldOfView, preview, depthFilter: filter, depthRule: rule } = state;
-  const kept = { volume: state.volume.id, ...(preset ? { preset } : {}), mode, view, layout, filter, rule, fov: fieldOfView };
+  const kept = { volume: state.volume.id, ...(preset ? { preset } : {}), mode, view, layout, filter, ...(rule ? { rule } : {}), fov: fieldOfView };
   if (iso !== null) kept.iso = iso;
   if (overlays.length) kept.overlay = overlays.join(",");
   if (preview) kept.preview = preview;
@@ -78,7 +78,7 @@ export function recall(presets) {
   state.view = word("view", VIEWS) ?? "picture";
   state.layout = word("layout", values("layout")) ?? "wowvx";
   state.depthFilter = word("filter", values("depth-filter")) ?? "none";
-  state.depthRule = word("rule", values("depth-rule")) ?? "threshold";
+  state.depthRule = word("rule", values("depth-rule")) ?? "";
   state.profile = word("profile", values("profile")) ?? USUAL.profile;
   for (const key of ["factor", "offset"]) state[key] = Math.round(clamp(number(key, USUAL[key]), 0, 255));
   state.preview = word("preview", [...$("panel").querySelectorAll('input[name="preview"]')].map((input) => input.value)) ?? "";

@@ -447,7 +447,7 @@ async function start() {
   grid.fill(presets);
   $("layout").replaceChildren(...known.layouts.map((name) => option(name)));
   fillLights(known.lights);
-  $("depth-rule").replaceChildren(...known.depth_rules.map((name) => option(name)));
+  $("depth-rule").replaceChildren(option("", "as the layout needs"), ...known.depth_rules.map((name) => option(name)));
   $("depth-filter").replaceChildren(...known.depth_filters.map((name) => option(name)));
   $("profile").append(...known.profiles.map((name) => option(name)));
   linked = recall(presets);

@@ -38,7 +38,8 @@ export const state = {
   factor: 64,
   offset: 128,
   depthFilter: "none",
-  depthRule: "threshold",
+  /** Empty for the rule that suits the layout. */
+  depthRule: "",
   /** Preview of a 3D display over the picture: off, or a kind of `preview.js`. */
   preview: "",
   split: 0.5,

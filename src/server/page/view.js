@@ -54,7 +54,7 @@ function lookQuery(state, aspect, fit, moving = false) {
     ...surface,
     ...lightQuery(state, moving),
     ...cropQuery(state),
-    depth_rule: state.depthRule,
+    ...(state.depthRule ? { depth_rule: state.depthRule } : {}),
     ...orbitQuery(state.pose, state.volume, state.fieldOfView, state.pose.zoom * fit),
   };
 }

@@ -3,13 +3,13 @@
 use std::error::Error;
 use std::sync::Arc;
 
-use crate::true_views::TrueViewsError;
 use crate::volumes::ReadError;
 use crate::{JobError, ServiceError};
 use relief_annotation::SnapError;
 use relief_base::OutOfRange;
 use relief_live::IntentError;
 use relief_render::SceneError;
+use relief_render::TrueViewsError;
 use relief_volume::CameraError;
 
 /// A change of a view was refused, or its next frame could not be made.

@@ -9,10 +9,9 @@ use super::render_loop::BUSY;
 use super::{LiveError, View, ViewFrame};
 use crate::ServiceError;
 use crate::engine::Engine;
-use crate::true_views::{eye_cameras, true_views};
-use relief_display::{Picture, synthesize};
+use relief_display::synthesize;
 use relief_live::EyeViewQuality;
-use relief_render::{Refinement, RenderRequest, RenderedFrame};
+use relief_render::{Refinement, RenderRequest, RenderedFrame, eye_cameras, true_views};
 
 /// Views of a picture at rest.
 pub struct EyeViews<'a> {
@@ -62,7 +61,7 @@ impl EyeViews<'_> {
         };
         let (mut warped, mut views) = (warped.into_iter(), Vec::with_capacity(eyes.len()));
         for (camera, eye) in cameras.into_iter().zip(*eyes) {
-            let request = RenderRequest { camera, ..frame.request.clone() };
+            let request = frame.request.seen_by(camera);
             views.push(match warped.next() {
                 _ if *eye == 0.0 => colors(picture),
                 None => colors(&*self.cast(engine, request).await?),
@@ -78,10 +77,10 @@ impl EyeViews<'_> {
         let job = move || {
             let failed = |error| LiveError::encoding("making views", error);
             let encoder = frame.display.encoder()?;
-            let RenderedFrame { size_px, color_rgba, depth_mm, .. } = &*frame.frame;
-            let picture = Picture::new(*size_px, color_rgba, depth_mm).map_err(failed)?;
+            let size_px = frame.frame.size_px;
+            let picture = frame.frame.picture().map_err(failed)?;
             let key = encoder.key_view(0.0, &picture, frame.limits);
-            let views = synthesize(*size_px, &key.layer, None, &encoder.parallax(size_px[0]), &eyes);
+            let views = synthesize(size_px, &key.layer, None, &encoder.parallax(size_px[0]), &eyes);
             Ok(views.map_err(failed)?.into_pictures())
         };
         engine.blocking("making views", job).await?

@@ -229,10 +229,9 @@ impl ViewFrame {
     fn pictures(&self) -> Result<Vec<Picture<'_>>, LiveError> {
         let frame = &self.frame;
         let failed = |error| LiveError::encoding("encoding depth", error);
-        let front = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm).map_err(failed)?;
-        let back = frame.back.as_ref().filter(|_| self.back_layer());
-        let back = back.map(|back| Picture::new(frame.size_px, &back.color_rgba, &back.depth_mm));
-        Ok(std::iter::once(front).chain(back.transpose().map_err(failed)?).collect())
+        let front = frame.picture().map_err(failed)?;
+        let back = front.back().filter(|_| self.back_layer());
+        Ok(std::iter::once(front).chain(back).collect())
     }
 
     fn disparity(&self) -> Result<Vec<u8>, LiveError> {

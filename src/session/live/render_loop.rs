@@ -209,7 +209,7 @@ async fn render(engine: &Engine, view: &View, job: &FrameJob) -> Result<Option<R
 /// The request of a moving view, reduced to what the renderer and the presenters' connections have
 /// time for.
 fn moving(engine: &Engine, job: &FrameJob) -> RenderRequest {
-    let mut request = job.request.clone();
+    let mut request = job.request.clone().without_views_beside();
     // Shadows of lights that move with the eye would be computed again for every frame.
     request.illumination.shadows = 0.0;
     // A landmark is set down where the picture shows it: all voxels count then.

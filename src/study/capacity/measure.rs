@@ -12,7 +12,7 @@ use super::plan::ServerRates;
 use super::process_mib;
 use crate::StudyError;
 use relief_annotation::{Change, Edit, Item};
-use relief_display::{DisplaySettings, Picture};
+use relief_display::DisplaySettings;
 use relief_live::{ColorFormat, DepthFormat, encode_color, encode_d8};
 use relief_render::{RenderRequest, RenderedFrame, Renderer, Scene};
 use relief_session::{FileFormat, Product, QueueConfig, RenderService, encode, moving_detail};
@@ -220,7 +220,7 @@ fn live_bytes(
 ) -> Result<usize, StudyError> {
     let size = frame.size_px.map(|side| side as usize);
     let colors = encode_color(size, &frame.color_rgba, color, MOVING_QUALITY)?;
-    let picture = Picture::new(frame.size_px, &frame.color_rgba, &frame.depth_mm)?;
+    let picture = frame.picture()?;
     let disparity = display.encoder()?.disparity(&picture, display.limits(frame.limits)?);
     Ok(colors.len() + encode_d8(size, &disparity, DepthFormat::D8Zstd)?.len())
 }

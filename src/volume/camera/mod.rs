@@ -178,6 +178,25 @@ impl Camera {
         moved.with_lens_shift([x - right_mm / converging_mm, y])
     }
 
+    /// The camera whose rays are those of every second pixel of every second row of a picture of
+    /// `size_px`, the first included, and the size of its picture: half, rounded up.
+    ///
+    /// # Errors
+    /// As [`Camera::with_lens_shift`]: always in a parallel projection.
+    pub fn every_second_pixel(&self, size_px: [u32; 2]) -> Result<(Self, [u32; 2]), CameraError> {
+        let half_px = size_px.map(|side| side.div_ceil(2));
+        let [width, height] = size_px.map(f64::from);
+        let [half_width, half_height] = half_px.map(f64::from);
+        let pixel = 2.0 * self.half_extent(size_px)[1] / height;
+        let vertical_fov = 2.0 * (pixel * half_height).atan();
+        let [x, y] = self.lens_shift;
+        let x = x + pixel * (half_width - (width + 1.0) / 2.0);
+        let y = y - pixel * (half_height - (height + 1.0) / 2.0);
+        let camera = self.with_lens_shift([x, y])?;
+        let projection = Projection::Perspective { vertical_fov };
+        Ok((Self { projection, ..camera }, half_px))
+    }
+
     /// Distance from the eye to the focal point, mm.
     #[must_use]
     pub fn distance_mm(&self) -> f64 {

@@ -1,0 +1,70 @@
+# Renders pictures by two depth rules, makes views of them, and compares these with true ones; see scripts/compare-depth.
+#
+# usage: compare-depth.py PROGRAM FOLDER NAME=SERIES...
+
+import json
+import pathlib
+import statistics
+import subprocess
+import sys
+
+import numpy
+from PIL import Image
+
+PROGRAM, FOLDER = sys.argv[1], pathlib.Path(sys.argv[2])
+PRESETS = {
+    "lidc-idri-0314": ["skin-and-bone", "bone"], "crlm-ct-1004": ["kidneys", "bone"], "totalseg-abdomen-j2k": ["skin-and-bone"],
+    "sts-001-thigh": ["skin-and-bone", "skin"],
+}
+WIDTH, HEIGHT = 960, 540
+#: Name, layout, eye separations from the first to the last view.
+CONDITIONS = [("nine views over 4", "views-9x1", 4), ("a pair of eyes", "views-2x1", 1), ("nine views, ±17°", "views-9x1", 17.9)]
+RULES = ["threshold", "views"]
+
+
+def rendered(path, *options):
+    path.unlink(missing_ok=True)
+    made = subprocess.run([PROGRAM, "render", *options, "--adapter", "cpu", "--json", "--out", path], check=True, capture_output=True, text=True)
+    return numpy.asarray(Image.open(path).convert("RGB")).astype(numpy.float32), json.loads(made.stdout)
+
+
+def psnr_of_outer(true, made):
+    """The mean over the views but for the middle one, which is the picture itself."""
+    count = true.shape[1] // WIDTH
+    views = [slice(at * WIDTH, (at + 1) * WIDTH) for at in range(count) if 2 * at + 1 != count]
+    return statistics.mean(10 * numpy.log10(255**2 / max(((true[:, view] - made[:, view]) ** 2).mean(), 1e-6)) for view in views)
+
+
+def main():
+    rows, found, sheet = [], [], []
+    for case in sys.argv[3:]:
+        name, series = case.split("=", 1)
+        for preset in PRESETS.get(name, ["bone"]):
+            base = ["--series", series, "--preset", preset, "--azimuth-deg", "25", "--elevation-deg", "10", "--size", f"{WIDTH}x{HEIGHT}"]
+            row = {"series": name, "preset": preset}
+            for condition, layout, span in CONDITIONS:
+                views = [*base, "--layout", layout, "--view-span", str(span)]
+                true, _ = rendered(FOLDER / "true.png", *views, "--views", "true")
+                made = [rendered(FOLDER / "made.png", *views, "--depth-rule", rule)[0] for rule in RULES]
+                row[condition] = [round(float(psnr_of_outer(true, views)), 2) for views in made]
+            frames = [[rendered(FOLDER / "frame.png", *base, "--layout", "rgbd", "--depth-rule", rule) for rule in RULES] for _ in range(5)]
+            times = [statistics.median(frame[rule][1]["render_ms"] for frame in frames) for rule in range(2)]
+            row["ms"] = [round(ms) for ms in times]
+            rays, views = (frame for frame, _ in frames[0])
+            sheet.append(numpy.concatenate([rays, views[:, WIDTH:]], axis=1))
+            found.append(row)
+            print(json.dumps(row), flush=True)
+    (FOLDER / "depth.json").write_text(json.dumps(found, indent=1))
+    picture = Image.fromarray(numpy.concatenate(sheet).astype(numpy.uint8))
+    picture.resize((3 * WIDTH // 3, len(sheet) * HEIGHT // 3), Image.LANCZOS).save(FOLDER / "depth.jpg", quality=88)
+    names = [condition for condition, *_ in CONDITIONS]
+    rows += ["| series, preset | " + " | ".join(names) + " | time |", "|---|" + "---|" * (len(names) + 1)]
+    for row in found:
+        cells = [f"{rays:.1f} → {views:.1f}" for rays, views in (row[name] for name in names)]
+        rays, views = row["ms"]
+        rows.append(f"| {row['series']}, {row['preset']} | " + " | ".join(cells) + f" | {rays} → {views} ms, x {views / rays:.2f} |")
+    (FOLDER / "depth.md").write_text("\n".join(rows) + "\n")
+    print("\n".join(rows))
+
+
+main()
