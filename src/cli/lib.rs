@@ -5,6 +5,7 @@
 #![expect(clippy::print_stderr, reason = "the command line is where output belongs")]
 
 mod adapter;
+mod against_true;
 mod annotate;
 mod annotated;
 mod archive;

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 
+use crate::against_true::AgainstTrue;
 use crate::choices::layouts;
 use crate::inspect::frame::read_bounded;
 use crate::output::{print_json, say, write_whole};
@@ -31,7 +32,9 @@ Examples:
   relief preview frame.png --layout wiggle --out wiggle.png
   relief preview frame.png --layout views-9x1 --factor 128 --out strip.png
   relief preview frame.png --layout lenses-9 --panel panel.json --out interlaced.png
-  relief preview quilt.png --layout anaglyph --out anaglyph.png")]
+  relief preview quilt.png --layout anaglyph --out anaglyph.png
+  relief render --series chest --layout views-9x1 --view-span 4 --views true --out true.png
+  relief preview frame.png --layout views-9x1 --view-span 4 --against-true true.png --map map.png --out made.png")]
 pub(super) struct PreviewArguments {
     /// The frame (PNG)
     #[arg(value_name = "FRAME.png")]
@@ -58,12 +61,14 @@ pub(super) struct PreviewArguments {
     /// subpixels and is_reversed, or the calibration of a Looking Glass
     #[arg(long, value_name = "FILE.json")]
     panel: Option<PathBuf>,
+    #[command(flatten)]
+    against_true: AgainstTrue,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
 }
 
-fn parse_png(text: &str) -> Result<PathBuf, String> {
+pub(crate) fn parse_png(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let is_png = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     if is_png { Ok(path) } else { Err("the file's ending has to be .png".to_owned()) }
@@ -92,16 +97,20 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
     let (views, factor_and_offset) =
         views(arguments, *layout, &file).with_context(|| format!("cannot preview {}", path.display()))?;
     quilt::check_aspect(out, views.size_px())?;
+    let likeness = arguments.against_true.compare(&views)?;
     write_whole(out, &encode_views(*layout, &views, &panel)?)?;
     let [width, height] = views.size_px();
     if arguments.json {
         let [factor, offset] = factor_and_offset.map_or([None; 2], |values| values.map(Some));
         print_json(&serde_json::json!({
             "out": out, "layout": layout, "views": views.pictures().len(), "size_px": [width, height],
-            "factor": factor, "offset": offset,
+            "factor": factor, "offset": offset, "against_true": likeness.map(|likeness| likeness.report()),
         }))?;
     } else {
         say!("{}: {} views of {width}x{height}, layout {layout}", out.display(), views.pictures().len());
+        if let Some(likeness) = likeness {
+            say!("{}", likeness.words());
+        }
         if let Some(hint) = quilt::hint(out, *layout, views.size_px()) {
             say!("{hint}");
         }

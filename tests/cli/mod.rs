@@ -1,5 +1,6 @@
 //! Small commands: output, files and errors.
 
+mod against_true;
 mod annotate_log;
 mod budget;
 mod doctor;
