@@ -193,11 +193,9 @@ impl SizeRule {
 /// layout, and a depth limit that contradicts the volume's always: nothing is rendered for what
 /// cannot be answered.
 fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
-    let mut scene = order.file.resolve_for(&entry.subject(), &order.orbit)?;
+    let scene = order.file.resolve_for(&entry.subject(), &order.orbit)?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
-    } else {
-        scene.request.for_views = None; // only frames have a depth for displays
     }
     scene.display.limits(depth_limits(&scene.request.camera, &entry.grid))?;
     Ok(scene)

@@ -31,6 +31,7 @@ const EXCLUDED: &[(&str, &str)] = &[
     ("sudo ", "changes the system; tests of packages install them in a clean Debian"),
     ("pip install .relief", "installs the wheel; a step of scripts/test uses it"),
     ("scripts/compare-views", "renders and measures for a quarter of an hour"),
+    ("scripts/compare-depth", "renders and measures for minutes"),
     ("scripts/compare-track", "compares with peers for minutes; the peers have tests"),
     ("relief golden", "is for the project's folder; tests of golden pictures run it"),
     ("s3://", "needs a bucket; tests of batches run it"),
