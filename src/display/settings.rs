@@ -149,16 +149,36 @@ impl DisplaySettings {
         }
     }
 
+    /// The settings that decide which disparity a depth has, and the default ones in place of the
+    /// others. Frames of other layouts on the same display have equal ones.
+    #[must_use]
+    pub fn of_depth(&self) -> Self {
+        let profile = self.profile.unwrap_or(ProfileSetting::Named(self.usual_profile()));
+        Self {
+            profile: Some(profile),
+            layout: Layout::Rgbd, // it fits every profile
+            content: Header::default().content,
+            view_span: None,
+            panel: None,
+            depth_filter: DepthFilter::default(),
+            ..self.clone()
+        }
+    }
+
+    /// The display where the settings name none.
+    fn usual_profile(&self) -> ProfileName {
+        match self.layout {
+            Layout::Wowvx4k => ProfileName::Dimenco4k,
+            _ => ProfileName::Philips42,
+        }
+    }
+
     /// The display that the settings name.
     ///
     /// # Errors
     /// When a constant or size of it is out of range.
     pub fn profile(&self) -> Result<DisplayProfile, OutOfRange> {
-        let of_layout = match self.layout {
-            Layout::Wowvx4k => ProfileName::Dimenco4k,
-            _ => ProfileName::Philips42,
-        };
-        match self.profile.unwrap_or(ProfileSetting::Named(of_layout)) {
+        match self.profile.unwrap_or(ProfileSetting::Named(self.usual_profile())) {
             ProfileSetting::Named(name) => Ok(DisplayProfile::named(name)),
             ProfileSetting::Custom { constants, frame_px, sub_image_px } => {
                 let frame_px = frame_px.unwrap_or(self.layout.usual_frame_px());

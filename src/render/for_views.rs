@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use super::display_depth::ForViews;
 use super::error::RenderError;
 use super::frame::RenderedFrame;
-use super::mode::Mode;
 use super::overlay::Overlays;
 use super::quality::Quality;
 use super::request::RenderRequest;
@@ -48,22 +47,21 @@ pub(super) struct ViewsBeside {
 
 impl ViewsBeside {
     /// The views to cast beside a finished picture; `None` where there are none: for a parallel
-    /// projection, and where the depth limits put the screen behind the camera.
+    /// projection, a display without parallax, and where the depth limits put the screen behind the
+    /// camera.
     pub(super) fn of(
         for_views: &ForViews,
         request: &RenderRequest,
         frame: &RenderedFrame,
         grid: &Grid,
     ) -> Result<Option<Self>, RenderError> {
-        let is_cast =
-            for_views.casts_views && request.mode == Mode::Composite && request.reduced_px.is_none();
-        if !is_cast {
-            return Ok(None);
-        }
         let display = &for_views.display;
         let encoder = display.encoder()?;
         let limits = frame.limits_for(display)?;
         let Ok(setup) = true_views(display, &frame.camera, frame.size_px, limits) else { return Ok(None) };
+        if setup.baseline_mm == 0.0 {
+            return Ok(None); // factor 0: every eye sees the same
+        }
         let moving_mm = Quality::Moving.sample_distance_mm(request, grid);
         let view = |eye: f64| {
             let camera = frame.camera.seen_from_beside(eye * setup.baseline_mm, setup.converging_mm).ok()?;

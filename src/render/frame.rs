@@ -9,8 +9,10 @@ use relief_volume::Camera;
 pub struct Timings {
     /// Uploading what had changed; 0 when nothing had.
     pub upload_ms: f64,
-    /// Ray casting and read-back.
+    /// Ray casting and read-back, the views of rule `views` included.
     pub render_ms: f64,
+    /// The part of it that rule `views` took: casting two views, and comparing them with the picture.
+    pub views_ms: f64,
     /// Drawing overlays, and enlarging a reduced picture before; 0 where there is neither.
     pub overlay_ms: f64,
 }
@@ -95,9 +97,9 @@ impl RenderedFrame {
         }
     }
 
-    /// Takes the depth of what was drawn over the picture into that for displays; `before` is the
-    /// depth of the picture without it.
-    pub(super) fn show_drawn(&mut self, before: &[f32]) {
+    /// Copies the depth of overlays into the depth for displays. `before` is the depth of the picture
+    /// without overlays.
+    pub(super) fn copy_overlay_depth(&mut self, before: &[f32]) {
         let Some(display_mm) = &mut self.display_mm else { return };
         let drawn = self.depth_mm.iter().zip(before);
         for (shown, (drawn, _)) in display_mm.iter_mut().zip(drawn).filter(|(_, (a, b))| a != b) {

@@ -194,7 +194,7 @@ impl GpuRays {
             limits: depth_limits(&request.camera, volume.grid()),
             nearest_ball_mm: None,
             is_partial: false,
-            timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
+            timings: Timings { upload_ms, render_ms: milliseconds(start), ..Timings::default() },
         })
     }
 

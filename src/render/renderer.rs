@@ -13,7 +13,7 @@ use super::letters;
 use super::overlay::Drawing;
 use super::preparation::{Preparation, PreparedVolume};
 use super::processor::{Processor, left_by_processor};
-use super::request::RenderRequest;
+use super::request::{DepthRule, RenderRequest};
 use super::skipping::EmptySpaceSkipping;
 use super::store::MemoryUse;
 use super::table_mark;
@@ -238,8 +238,10 @@ impl Renderer {
         let table = request.marked_table(volume);
         let volume = request.shown(volume);
         request.validate_on(volume.grid())?;
-        let of_rays = request.of_rays();
-        let (for_views, request) = (request.display_of_depth(), &of_rays);
+        let for_views = request.display_of_depth();
+        let casts_views = request.casts_views_beside();
+        let of_rays = (request.depth == DepthRule::Views).then(|| request.of_rays());
+        let request = of_rays.as_ref().unwrap_or(request);
         let preparing = Instant::now();
         let drawing = Drawing::new(request, volume.grid())?;
         let preparing_ms = milliseconds(preparing);
@@ -248,7 +250,7 @@ impl Renderer {
                 let whole = RenderRequest { blocks: None, ..request.clone() };
                 self.rays(volume, &whole, skipping, watch)?
             }
-            None => match for_views {
+            None => match for_views.filter(|_| casts_views) {
                 Some(for_views) => self.rays_for_views(volume, (for_views, request), skipping, watch)?,
                 None => self.rays(volume, request, skipping, watch)?,
             },
@@ -262,7 +264,7 @@ impl Renderer {
             }
         };
         if for_views.is_some() && frame.display_mm.is_none() {
-            frame.display_mm = Some(displayed(&frame, &frame.depth_mm)); // of an enlarged picture
+            frame.display_mm = Some(displayed(&frame, &frame.depth_mm)); // no views beside it
         }
         if let Some(table) = table {
             table_mark::draw(&mut frame, volume.grid(), table);
@@ -275,7 +277,7 @@ impl Renderer {
             let before = frame.display_mm.is_some().then(|| frame.depth_mm.clone());
             drawing.draw(&mut frame);
             if let Some(before) = before {
-                frame.show_drawn(&before);
+                frame.copy_overlay_depth(&before);
             }
             frame.timings.overlay_ms += preparing_ms + milliseconds(drawn);
         }
@@ -314,9 +316,9 @@ impl Renderer {
                 }
             }
         }
-        let chosen = beside.map(|beside| beside.depth_mm(&frame, &cast));
-        frame.display_mm = Some(displayed(&frame, chosen.as_deref().unwrap_or(&frame.depth_mm)));
-        frame.timings.render_ms += milliseconds(start);
+        frame.display_mm = beside.map(|beside| displayed(&frame, &beside.depth_mm(&frame, &cast)));
+        frame.timings.views_ms = milliseconds(start);
+        frame.timings.render_ms += frame.timings.views_ms;
         Ok(frame)
     }
 

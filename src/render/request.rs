@@ -235,6 +235,14 @@ impl RenderRequest {
         self
     }
 
+    /// Whether rule `views` casts two views beside the picture: a whole one of full size, in mode
+    /// composite.
+    #[must_use]
+    pub fn casts_views_beside(&self) -> bool {
+        let for_views = self.display_of_depth().filter(|for_views| for_views.casts_views);
+        for_views.is_some() && self.mode == Mode::Composite && self.reduced_px.is_none()
+    }
+
     /// The request of the picture's rays, where rule `views` follows them.
     pub(super) fn of_rays(&self) -> Self {
         Self { depth: self.depth.of_rays(), for_views: None, ..self.clone() }

@@ -170,7 +170,7 @@ impl Order<'_> {
             limits: depth_limits(&request.camera, volume.grid()),
             nearest_ball_mm: None,
             is_partial: request.blocks.is_some(),
-            timings: Timings { upload_ms, render_ms: milliseconds(start), overlay_ms: 0.0 },
+            timings: Timings { upload_ms, render_ms: milliseconds(start), ..Timings::default() },
         })
     }
 

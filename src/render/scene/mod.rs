@@ -457,7 +457,7 @@ fn framing_rule(written: Option<FramingRule>, has_own_view: bool) -> Result<Fram
 
 /// The display of rule `views`.
 fn for_views(depth: DepthRule, display: &DisplaySettings) -> Option<ForViews> {
-    (depth == DepthRule::Views).then(|| ForViews { display: Arc::new(display.clone()), casts_views: true })
+    (depth == DepthRule::Views).then(|| ForViews::new(display))
 }
 
 /// Whether presets are made for a mode: in the others a transfer function gives windows or colours.

@@ -72,6 +72,26 @@ fn depth_is_made_for_views_where_views_are_made_of_it() {
     }
 }
 
+/// Layouts of the same display have one request, so that a server renders once for all of them.
+#[test]
+fn layouts_share_a_picture_and_displays_do_not() {
+    let request = |display: &str| {
+        let json = format!(r#"{{"size_px":[640,360],"display":{display}}}"#);
+        SceneFile::parse(json.as_bytes()).unwrap().resolve(&grid(), &Orbit::default()).unwrap().request
+    };
+    let frame = request(r#"{"layout":"rgbd"}"#);
+    for same in
+        [r#"{"layout":"wowvx"}"#, r#"{"layout":"views-9","view_span":4}"#, r#"{"depth_filter":"median-3"}"#]
+    {
+        assert!(request(same) == frame, "{same}");
+    }
+    for other in
+        [r#"{"profile":"philips-20"}"#, r#"{"factor":90}"#, r#"{"near_mm":5}"#, r#"{"layout":"wowvx-4k"}"#]
+    {
+        assert!(request(other) != frame, "{other}");
+    }
+}
+
 #[test]
 fn depth_rules_and_spheres_that_are_wrong_are_named_with_path_value_and_range() {
     for (json, parts) in [
