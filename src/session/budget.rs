@@ -21,6 +21,9 @@ const SMOOTH_MS: f64 = 14.0;
 const BLURRED: f64 = 0.3;
 /// ... up to this budget, ms: 25 a second.
 const SHARP_MS: f64 = 36.0;
+/// Time of rule `views` over that of the rays, without a graphics card: 0.45 to 0.8 for pictures of
+/// more than 100 ms (docs/VIEWS.md).
+const VIEWS_SHARE: f64 = 0.6;
 /// Fixed cost of a ray in nominal samples: set-up, depth, read-back. Halving the sample distance made
 /// pictures of three series 1.1 to 1.6 times slower: 650 to 2500 for bone and skin.
 const RAY_SAMPLES: f64 = 768.0;
@@ -128,7 +131,8 @@ impl SpeedBook {
     pub fn expected_ms(&self, volume: ContentHash, grid: &Grid, request: &RenderRequest) -> f64 {
         let known = self.speeds.iter().find(|speed| speed.is_of(volume, request));
         let ms_per_sample = known.map_or(UNMEASURED_MS, |speed| speed.ms_per_sample);
-        work(grid, request, request.path_trace.passes) * ms_per_sample
+        let views = if request.casts_views_beside() { VIEWS_SHARE } else { 0.0 };
+        work(grid, request, request.path_trace.passes) * ms_per_sample * (1.0 + views)
     }
 
     /// The request, reduced as little as it has to be for an expected time within the budget, and
@@ -246,7 +250,7 @@ fn most_passes(request: &RenderRequest, wanted: u32, fits: impl Fn(&RenderReques
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relief_render::SceneFile;
+    use relief_render::{DepthRule, SceneFile};
     use relief_volume::Orbit;
 
     const VOLUME: ContentHash = ContentHash([7; 32]);
@@ -255,8 +259,24 @@ mod tests {
         Grid::axis_aligned([100; 3], [1.0; 3], [0.0; 3]).unwrap()
     }
 
+    /// A still with depth for views takes longer than its rays, and loses that before pixels.
+    #[test]
+    fn views_beside_a_picture_count_in_its_budget_and_go_first() {
+        let scene = SceneFile::default().with_size([800, 400]).with_depth_rule(DepthRule::Views);
+        let still = scene.resolve(&grid(), &Orbit::default()).unwrap().request;
+        let mut book = SpeedBook::default();
+        book.record(VOLUME, &grid(), &still, 1, 100.0);
+        let expected = |request: &RenderRequest| book.expected_ms(VOLUME, &grid(), request);
+        assert!((expected(&still) - 160.0).abs() < 1e-9, "{}", expected(&still));
+        assert!((expected(&still.clone().without_views_beside()) - 100.0).abs() < 1e-9);
+        assert!(book.plan(VOLUME, &grid(), &still, 170.0).request.casts_views_beside());
+        let planned = book.plan(VOLUME, &grid(), &still, 150.0).request;
+        assert!(!planned.casts_views_beside() && planned.reduced_px.is_none());
+    }
+
     fn request(json: &str) -> RenderRequest {
         let scene = SceneFile::parse(json.as_bytes()).unwrap().with_size([800, 400]);
+        let scene = scene.with_depth_rule(DepthRule::default());
         scene.resolve(&grid(), &Orbit::default()).unwrap().request
     }
 

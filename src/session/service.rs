@@ -411,7 +411,9 @@ fn render(
             is_healthy.store(true, Ordering::Relaxed);
             let FrameKey { volume, request } = &order.key;
             let passes = last.passes.saturating_sub(last.continued);
-            let (grid, ms) = (order.volume.grid(), frame.timings.render_ms);
+            let grid = order.volume.grid();
+            // Moving pictures, which are planned by this speed, cast no views beside them.
+            let ms = frame.timings.render_ms - frame.timings.views_ms;
             let Timings { upload_ms, overlay_ms, .. } = frame.timings;
             tracing::trace!(upload_ms, render_ms = ms, overlay_ms, passes, "rendered");
             if !frame.is_partial {

@@ -136,7 +136,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
         limits: DepthLimits::new(distance - 50.0, distance + 50.0).unwrap(),
         nearest_ball_mm: None,
         is_partial: false,
-        timings: Timings { upload_ms: 1.0, render_ms: 2.0, overlay_ms: 0.0 },
+        timings: Timings { upload_ms: 1.0, render_ms: 2.0, ..Timings::default() },
     }
 }
 
