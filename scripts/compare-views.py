@@ -31,9 +31,11 @@ CONDITIONS = [
     ("eye moved by 5°", "views-2x1", 10 * ONE_DEGREE, "960x540"),
     ("quilt of 45, ±20° at 0.5 m", "views-5x9", 5.6, "420x560"),
 ]
+#: scripts/compare-depth compares with depth for views.
+RAYS = ["--depth-rule", "threshold"]
 METHODS = {
-    "one layer": [], "clear-edge": ["--depth-filter", "clear-edge"], "two layers": ["--depth-rule", "two-layer"],
-    "interpolated": ["--views", "interpolated"], "refined": ["--views", "refined"],
+    "one layer": RAYS, "clear-edge": [*RAYS, "--depth-filter", "clear-edge"], "two layers": ["--depth-rule", "two-layer"],
+    "interpolated": [*RAYS, "--views", "interpolated"], "refined": [*RAYS, "--views", "refined"],
 }
 
 

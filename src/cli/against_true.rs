@@ -1,4 +1,4 @@
-//! `relief preview --against-true`: how far the views of a frame are from true ones.
+//! `relief preview --against-true`: compares the views of a frame with rendered ones.
 
 use std::path::{Path, PathBuf};
 
@@ -8,22 +8,23 @@ use crate::inspect::frame::read_bounded;
 use crate::output::write_whole;
 use relief_display::{Frame, Layout, Pixels, Views, decode_wiggle, encode_png, psnr_db, read_png};
 
-/// The difference, root mean square over views and channels, that a map shows as white.
+/// The smallest difference that is white in a map: root mean square over views and channels, of 255.
 const WHITE: f64 = 64.0;
 
-/// The file of true views, and that of the map.
+/// The options of the comparison.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AgainstTrue {
-    /// Compare the views with true ones: a file of as many views by relief render --views true with the
-    /// same --view-span. Prints the signal-to-noise ratio of each
+    /// Compare the views with rendered ones and print the signal-to-noise ratio of each. TRUE.png is the
+    /// output of relief render --views true, with the same layout and --view-span
     #[arg(long, value_name = "TRUE.png")]
     against_true: Option<PathBuf>,
-    /// Picture of the differences from true views: black where there are none, white from 64 of 255
+    /// Write a picture of the differences. Equal pixels are black; a difference of 64 of 255 or more
+    /// is white
     #[arg(long, value_name = "FILE.png", requires = "against_true", value_parser = super::preview::parse_png)]
     map: Option<PathBuf>,
 }
 
-/// How far views are from true ones.
+/// The result of a comparison.
 pub(crate) struct Likeness {
     /// PSNR of each view, dB; infinite where it is equal.
     psnr_db: Vec<f64>,
@@ -102,7 +103,7 @@ impl Likeness {
         let each: Vec<String> = self.psnr_db.iter().map(|db| format!("{db:.1}")).collect();
         match self.mean_db() {
             Some(mean) => {
-                format!("{mean:.2} dB to true views in the mean of those that differ: {}", each.join(" "))
+                format!("{mean:.2} dB, mean of the views that differ from true ones: {}", each.join(" "))
             }
             None => "equal to the true views".to_owned(),
         }

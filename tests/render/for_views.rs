@@ -161,9 +161,9 @@ fn moving_pictures_have_the_depth_of_rays_without_specks() {
     assert_eq!(small.display_mm.unwrap().len(), 320 * 200);
 }
 
-/// What is drawn over a picture has its own depth on displays.
+/// Displays get the depth of an overlay where it covers the picture.
 #[test]
-fn what_is_drawn_over_the_picture_has_its_own_depth() {
+fn displays_get_the_depth_of_overlays() {
     let volume = common::volume(PhantomKind::Sphere, 64);
     let ball = json!({ "landmark": { "at_mm": [0, -130, 0], "radius_mm": 10 } });
     let json = json!({ "transfer": "skin", "size_px": [320, 200], "overlays": { "items": [ball] } });
