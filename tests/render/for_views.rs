@@ -131,6 +131,40 @@ fn colours_and_picks_stay_and_there_are_no_specks() {
     }
 }
 
+/// Invariant: On smooth opaque surfaces rule `views` stays near the disparity of the rays.
+///
+/// Their highlights move with the eye, so colours alone would dig holes into them.
+#[test]
+fn opaque_surfaces_have_no_holes() {
+    let volume = common::volume(PhantomKind::Head, 128);
+    let mut renderer = Renderer::on_processor();
+    for preset in ["bone", "skin"] {
+        let scene = scene(&volume, preset, [960, 540]);
+        let encoder = scene.display.encoder().unwrap();
+        let frame = renderer.render(&volume, &scene.request).unwrap();
+        let limits = frame.limits_for(&scene.display).unwrap();
+        let rays = encoder.disparity_of(&frame.depth_mm, limits);
+        let views = encoder.disparity_of(frame.display_mm.as_ref().unwrap(), limits);
+        let is_smooth = |at: &usize| {
+            let (x, y) = (at % 960, at / 960);
+            let inside = (2..958).contains(&x) && (2..538).contains(&y) && frame.color_rgba[*at][3] >= 250;
+            let around = || (y - 2..y + 3).flat_map(|row| &rays[row * 960 + x - 2..][..5]);
+            inside && around().max().unwrap() - around().min().unwrap() <= 6
+        };
+        let apart: Vec<u8> =
+            (0..rays.len()).filter(is_smooth).map(|at| rays[at].abs_diff(views[at])).collect();
+        let share = |most: u8| apart.iter().filter(|d| **d > most).count() as f64 / apart.len() as f64;
+        println!(
+            "{preset}: {} pixels, {:.4} by more than 16, {:.4} by more than 40",
+            apart.len(),
+            share(16),
+            share(40)
+        );
+        assert!(apart.len() > 20_000, "{preset}: {} pixels", apart.len());
+        assert!(share(16) < 0.04 && share(40) < 0.006, "{preset}: {} and {}", share(16), share(40));
+    }
+}
+
 /// Moving pictures cast no views beside them: their depth is that of the rays without outliers, and
 /// almost transparent pixels are far.
 #[test]

@@ -19,8 +19,9 @@ const MOST: f32 = 1500.0;
 const SMOOTH: u8 = 6;
 /// Coverage from which a surface is opaque: 90 %.
 const OPAQUE: u8 = 230;
-/// Largest cost of another disparity than that of an opaque surface.
-const MOST_DEVIATION: f32 = 5.0;
+/// Largest cost of another disparity than that of an opaque surface. Up to it, the cost is the square
+/// of the distance in levels.
+const MOST_DEVIATION: f32 = 100.0;
 
 /// The costs of every second pixel in rows of them from number `first` on, within the rows' spans;
 /// 0 elsewhere.
@@ -62,14 +63,14 @@ pub(super) fn costs(
     costs
 }
 
-/// Adds a little to the costs of other disparities than this one. It decides where colours do not: on
-/// smooth surfaces without texture. Between levels the parabola of [`super::best`] finds it again.
+/// Adds to the costs of other disparities than this one, the more the farther they are. It decides on
+/// smooth surfaces without texture, and where a highlight moves over them. Between levels the parabola
+/// of [`super::best`] finds it again.
 fn prefer(costs: &mut Levels, disparity: u8) {
     let place = f32::from(disparity) * (LEVELS - 1) as f32 / 255.0;
     for (level, cost) in costs.iter_mut().enumerate() {
         let deviation = (level as f32 - place).abs();
-        let added = if deviation < 1.0 { deviation * deviation } else { 2.0 * deviation - 1.0 };
-        let added = added.min(MOST_DEVIATION) * f32::from(COST_UNIT);
+        let added = (deviation * deviation).min(MOST_DEVIATION) * f32::from(COST_UNIT);
         *cost = cost.wrapping_add(added as i16);
     }
 }

@@ -31,7 +31,7 @@ impl Path {
 
     /// Goes on to a pixel and adds its sums to `total`.
     ///
-    /// Sums are at most a cost and a jump, 6820; those of four paths fit 16 bits, so nothing wraps.
+    /// Sums are at most a cost and a jump, 7200; those of four paths fit 16 bits, so nothing wraps.
     #[inline(always)]
     fn step(&mut self, costs: &Levels, jump: i16, total: &mut Levels) {
         let mut padded = [i16::MAX / 2; LEVELS + 2];
