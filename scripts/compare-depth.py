@@ -28,6 +28,14 @@ def rendered(path, *options):
     return numpy.asarray(Image.open(path).convert("RGB")).astype(numpy.float32), json.loads(made.stdout)
 
 
+def one_layer(frame, path, layout, span):
+    """Views that a display makes of a frame with one layer."""
+    path.unlink(missing_ok=True)
+    options = ["--layout", layout, "--view-span", str(span), "--profile", "philips-42"]
+    subprocess.run([PROGRAM, "preview", frame, *options, "--out", path], check=True, capture_output=True)
+    return numpy.asarray(Image.open(path).convert("RGB")).astype(numpy.float32)
+
+
 def psnr_of_outer(true, made):
     """The mean over the views but for the middle one, which is the picture itself."""
     count = true.shape[1] // WIDTH
@@ -42,12 +50,14 @@ def main():
         for preset in PRESETS.get(name, ["bone"]):
             base = ["--series", series, "--preset", preset, "--azimuth-deg", "25", "--elevation-deg", "10", "--size", f"{WIDTH}x{HEIGHT}"]
             row = {"series": name, "preset": preset}
+            frame = {rule: FOLDER / f"{rule}.png" for rule in RULES}
+            frames = [[rendered(frame[rule], *base, "--layout", "rgbd", "--depth-rule", rule) for rule in RULES] for _ in range(5)]
             for condition, layout, span in CONDITIONS:
                 views = [*base, "--layout", layout, "--view-span", str(span)]
                 true, _ = rendered(FOLDER / "true.png", *views, "--views", "true")
-                made = [rendered(FOLDER / "made.png", *views, "--depth-rule", rule)[0] for rule in RULES]
+                made = [one_layer(frame[rule], FOLDER / "made.png", layout, span) for rule in RULES]
+                made.append(rendered(FOLDER / "made.png", *views, "--depth-rule", "views")[0])
                 row[condition] = [round(float(psnr_of_outer(true, views)), 2) for views in made]
-            frames = [[rendered(FOLDER / "frame.png", *base, "--layout", "rgbd", "--depth-rule", rule) for rule in RULES] for _ in range(5)]
             times = [statistics.median(frame[rule][1]["render_ms"] for frame in frames) for rule in range(2)]
             row["ms"] = [round(ms) for ms in times]
             rays, views = (frame for frame, _ in frames[0])
@@ -60,7 +70,7 @@ def main():
     names = [condition for condition, *_ in CONDITIONS]
     rows += ["| series, preset | " + " | ".join(names) + " | time |", "|---|" + "---|" * (len(names) + 1)]
     for row in found:
-        cells = [f"{rays:.1f} → {views:.1f}" for rays, views in (row[name] for name in names)]
+        cells = [" → ".join(f"{db:.1f}" for db in row[name]) for name in names]
         rays, views = row["ms"]
         rows.append(f"| {row['series']}, {row['preset']} | " + " | ".join(cells) + f" | {rays} → {views} ms, x {views / rays:.2f} |")
     (FOLDER / "depth.md").write_text("\n".join(rows) + "\n")

@@ -76,8 +76,8 @@ pub(super) struct SceneArguments {
     /// Strength of the segments' tint, 0 to 1 [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     label_tint: Option<f64>,
-    /// Depth of a semi-transparent ray [default: views for frames with disparity and for views,
-    /// two-layer for layouts with a background, else threshold]
+    /// Depth of a semi-transparent ray [default: views for frames with disparity and for views; where
+    /// it has none, two-layer for layouts with a background, else threshold]
     #[arg(long, value_name = "RULE", value_parser = depth_rules())]
     depth_rule: Option<DepthRule>,
     #[arg(long, value_name = "NAME", help = layouts("Layout of a .png frame (views-N and views-CxR for other quilts)", |_| true))]

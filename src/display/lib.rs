@@ -44,7 +44,7 @@ pub use layout::{
     BackStart, DecodedDepth, DecodedFrame, DecodedLayer, DisparityLayer, Frame, FrameContent, FrameEncoder,
     LayoutInfo, Picture, Pixels, Placement,
 };
-pub use matching::{SideView, disparity_for_views, side_size_px};
+pub use matching::{HiddenLayer, SideView, disparity_for_views, hidden_layer, side_size_px};
 pub use problem::FrameProblem;
 pub use profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileName};
 pub use screen_plane::ScreenPlane;

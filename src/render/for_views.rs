@@ -14,13 +14,15 @@ use rayon::prelude::*;
 
 use super::display_depth::ForViews;
 use super::error::RenderError;
-use super::frame::RenderedFrame;
+use super::frame::{BackLayer, RenderedFrame};
 use super::overlay::Overlays;
 use super::quality::Quality;
 use super::request::RenderRequest;
 use super::true_views::true_views;
 use relief_base::{DepthLimits, Disparity};
-use relief_display::{DisplayProfile, FrameEncoder, SideView, disparity_for_views, grounded_depth};
+use relief_display::{
+    DisplayProfile, FrameEncoder, SideView, disparity_for_views, grounded_depth, hidden_layer,
+};
 use relief_volume::{ContentHash, Grid};
 
 /// The places of the eyes beside a picture: half way to the outermost of nine views over four
@@ -85,14 +87,24 @@ impl ViewsBeside {
         &self.requests
     }
 
-    /// The depth of the picture that the cast views agree on, mm.
-    pub(super) fn depth_mm(&self, frame: &RenderedFrame, cast: &[RenderedFrame]) -> Vec<f32> {
+    /// Gives a picture the depth that the cast views agree on, and the layer that only they show.
+    pub(super) fn complete(&self, frame: &mut RenderedFrame, cast: &[RenderedFrame]) {
         let side = |at: usize| SideView { eye: EYES[at], color: &cast[at].color_rgba };
-        let parallax = self.encoder.parallax(frame.size_px[0]);
-        let rays = self.encoder.disparity_of(&frame.depth_mm, self.limits);
-        let sides = [side(0), side(1)];
-        let disparity = disparity_for_views(frame.size_px, &frame.color_rgba, &rays, &sides, &parallax);
-        disparity.into_par_iter().map(|d| depth_of(self.encoder.profile(), self.limits, d)).collect()
+        let (encoder, limits, size_px, sides) =
+            (&self.encoder, self.limits, frame.size_px, [side(0), side(1)]);
+        let parallax = encoder.parallax(size_px[0]);
+        let depth = |disparity: f32| depth_of(encoder.profile(), limits, disparity);
+
+        let rays = encoder.disparity_of(&frame.depth_mm, limits);
+        let disparity = disparity_for_views(size_px, &frame.color_rgba, &rays, &sides, &parallax);
+        let display_mm = displayed(frame, &disparity.into_par_iter().map(depth).collect::<Vec<_>>());
+
+        let front = encoder.disparity_of(&display_mm, limits);
+        let hidden = hidden_layer(size_px, &frame.color_rgba, &front, &sides, &parallax);
+        let behind = (hidden.disparity.par_iter(), front.par_iter(), display_mm.par_iter()).into_par_iter();
+        let behind = behind.map(|(d, front, &mm)| if d == front { mm } else { depth(f32::from(*d)) });
+        frame.back = Some(BackLayer { depth_mm: behind.collect(), color_rgba: hidden.color });
+        frame.display_mm = Some(display_mm);
     }
 }
 

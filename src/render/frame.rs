@@ -17,8 +17,8 @@ pub struct Timings {
     pub overlay_ms: f64,
 }
 
-/// The background layer of a picture, rendered as if the first layer did not exist: rule
-/// `two-layer`.
+/// The background layer of a picture: under rule `two-layer` what its rays meet behind the first
+/// layer, under rule `views` what the views beside it show and it does not.
 #[derive(Clone, Debug)]
 pub struct BackLayer {
     /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is
@@ -44,7 +44,8 @@ pub struct RenderedFrame {
     /// Rows from the top. View depth for displays in mm, `+inf` where nothing is shown: chosen by rule
     /// `views`; `None` under other rules, which have one depth for displays and picks.
     pub display_mm: Option<Vec<f32>>,
-    /// The background layer; `None` except for rule `two-layer`.
+    /// The background layer; `None` except for rule `two-layer`, and for rule `views` where views were
+    /// cast beside the picture.
     pub back: Option<BackLayer>,
     /// The camera of the request.
     pub camera: Camera,
@@ -84,7 +85,8 @@ impl RenderedFrame {
     }
 
     /// The picture as displays get it: with the depth that is made for them, and the background
-    /// layer.
+    /// layer. Without views beside it, the layer of rule `views` is the picture itself, which shows
+    /// nothing that is hidden.
     ///
     /// # Errors
     /// When the picture is too large for a frame.
@@ -93,8 +95,15 @@ impl RenderedFrame {
         let picture = Picture::new(self.size_px, &self.color_rgba, depth_mm)?;
         match &self.back {
             Some(back) => picture.with_back(&back.color_rgba, &back.depth_mm),
+            None if self.has_back_layer() => picture.with_back(&self.color_rgba, depth_mm),
             None => Ok(picture),
         }
+    }
+
+    /// Whether layouts with a background get one: rules `two-layer` and `views`.
+    #[must_use]
+    pub const fn has_back_layer(&self) -> bool {
+        self.back.is_some() || self.display_mm.is_some()
     }
 
     /// Copies the depth of overlays into the depth for displays. `before` is the depth of the picture

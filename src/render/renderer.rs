@@ -316,7 +316,9 @@ impl Renderer {
                 }
             }
         }
-        frame.display_mm = beside.map(|beside| displayed(&frame, &beside.depth_mm(&frame, &cast)));
+        if let Some(beside) = beside {
+            beside.complete(&mut frame, &cast);
+        }
         frame.timings.views_ms = milliseconds(start);
         frame.timings.render_ms += frame.timings.views_ms;
         Ok(frame)

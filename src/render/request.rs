@@ -243,6 +243,11 @@ impl RenderRequest {
         for_views.is_some() && self.mode == Mode::Composite && self.reduced_px.is_none()
     }
 
+    /// Whether layouts with a background get one: rules `two-layer` and `views`.
+    pub(super) fn has_background(&self) -> bool {
+        self.has_back_layer() || self.display_of_depth().is_some()
+    }
+
     /// The request of the picture's rays, where rule `views` follows them.
     pub(super) fn of_rays(&self) -> Self {
         Self { depth: self.depth.of_rays(), for_views: None, ..self.clone() }

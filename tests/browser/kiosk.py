@@ -168,8 +168,19 @@ def outputs(playwright, server):
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
     query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&size_px=480,270"
     served = lambda layout, more="": pixels(server.get(f"/v1/volumes/{volume}/frame?{query}&layout={layout}{more}"))
-    pair, quilt = served("stereo"), served("views-9")
+    # The page has one layer unless it is told otherwise, the views of the server have two.
+    frame = tempfile.NamedTemporaryFile(suffix=".png")
+    frame.write(server.get(f"/v1/volumes/{volume}/frame?{query}&layout=rgbd"))
+    frame.flush()
+
+    def one_layer(layout):
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run([RELIEF, "preview", frame.name, "--layout", layout, "--out", f"{folder}/views.png"], check=True, capture_output=True)
+            return pixels(open(f"{folder}/views.png", "rb").read())
+
+    pair, quilt = one_layer("stereo"), one_layer("views-9")
     left, right = pair[:, :480], pair[:, 480:]
+    two_layers = served("stereo")
     found = {"eyes_differ": int((left != right).any(axis=2).sum())}
     names = ["stereo", "stereo&swap", "stereo-half", "top-bottom", "top-bottom-half", "lines", "columns", "checkerboard", "quilt", "lenses"]
     for name in names:
@@ -181,10 +192,11 @@ def outputs(playwright, server):
         different = int((shot != expected).any(axis=2).sum()) if shot.shape == expected.shape else -1
         found[name] = {"different": different, "problems": problems}
         if name in ("stereo-half", "top-bottom", "top-bottom-half", "lines", "columns", "checkerboard"):
+            expected = arranged(name, two_layers[:, :480], two_layers[:, 480:], quilt)
             found[name]["served"] = int((served(name) != expected).any(axis=2).sum())
         page.close()
     # The layout with a back layer has the size of the display.
-    two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo&depth_rule=two-layer"))
+    two = pixels(server.get(f"/v1/volumes/{volume}/frame?{query.replace('480,270', '960,540')}&layout=stereo"))
     page, problems = page_of(opened, f"{server.url}/kiosk?caption=false&preset=bone&output=stereo&rest=synthesised&layers=2")
     wait_still(page)
     shot = pixels(page.locator("#frame").screenshot())

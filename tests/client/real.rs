@@ -144,6 +144,20 @@ pub(crate) fn pixels(png: &[u8]) -> (u32, u32, Vec<u8>) {
     (picture.width(), picture.height(), picture.into_raw())
 }
 
+/// The views that `relief preview` makes of a frame, with the factor of these arguments.
+fn previewed(frame: &[u8], layout: &str, arguments: &[&str]) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let [from, to] = ["frame.png", "views.png"].map(|name| folder.path().join(name));
+    std::fs::write(&from, frame).unwrap();
+    let factor = arguments.iter().position(|name| *name == "--factor").map(|at| arguments[at + 1]);
+    let [from, to] = [&from, &to].map(|path| path.to_str().unwrap());
+    let factor = factor.map_or(vec![], |factor| vec!["--factor", factor]);
+    let made = relief(&[&["preview", from, "--layout", layout, "--out", to][..], &factor].concat()).output();
+    let made = made.unwrap();
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    std::fs::read(to).unwrap()
+}
+
 /// Invariant: The client composes exactly the served PNG, and its window shows it byte for byte;
 /// state marks change neither header, depth nor black lines.
 #[test]
@@ -159,7 +173,11 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         ("wowvx", &[][..]),
         ("rgbd", &["--size", "400x300"]),
         ("wowvx-full-height", &["--factor", "90"]),
-        // The client makes views itself, the server sends picture and disparity.
+        // The client makes views itself, the server sends both layers with disparity.
+        ("stereo", &["--layers", "2"]),
+        ("lenses-9", &["--layers", "2", "--factor", "90"]),
+        ("lines", &["--layers", "2", "--adapter", "software"]),
+        // Of one layer, as relief preview makes them of a frame.
         ("stereo", &["--size", "400x300"]),
         ("lines", &["--size", "400x300", "--factor", "90"]),
         ("lines", &["--size", "400x300", "--factor", "90", "--adapter", "software"]),
@@ -175,8 +193,12 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         let is_narrow = layout == "wowvx-full-height";
         let zoom = 1.2 * if is_narrow { (960.0 / 1080.0 / narrowest_aspect).min(1.0) } else { 1.0 };
         let angles = format!("azimuth_deg=30&elevation_deg=10&zoom={zoom}&frame=tissue");
-        let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
-        let served = serving.get(&format!("/v1/volumes/{id}/frame?{query}"));
+        let frame = |layout| {
+            let query = format!("preset=bone&{angles}&layout={layout}{size}{factor}");
+            serving.get(&format!("/v1/volumes/{id}/frame?{query}"))
+        };
+        let has_one_layer = ["stereo", "lines", "lenses-9"].contains(&layout) && !more.contains(&"--layers");
+        let served = if has_one_layer { previewed(&frame("rgbd"), layout, more) } else { frame(layout) };
         let composed = std::fs::read(&file).unwrap();
         assert!(pixels(&composed) == pixels(&served), "{layout}: composed and served frame differ");
     }

@@ -47,7 +47,7 @@ pub enum LayoutError {
         found_px: [u32; 2],
     },
     /// The layout needs a background layer.
-    #[error("layout {layout} needs a back layer: render with depth rule two-layer")]
+    #[error("layout {layout} needs a back layer: render with depth rule views or two-layer")]
     NoBackground {
         /// The layout.
         layout: Layout,

@@ -10,6 +10,8 @@
 //! 2. [`paths`]: the sum of those and of jumps along paths from four directions;
 //! 3. [`enlarge`]: the disparity of every pixel from those of every second one, along colours.
 //!
+//! [`hidden_layer`] then collects what those views show and the picture does not.
+//!
 //! Spaces: the views beside have a ray for every second pixel of every second row, the first
 //! included, and so have costs. Shifts are in pixels of the picture, disparities 0 (far) to 255.
 //! Costs are mean squared differences of a pixel's bytes. All sums are of whole numbers or in a fixed
@@ -17,6 +19,7 @@
 
 mod costs;
 mod enlarge;
+mod hidden;
 mod paths;
 mod rows;
 
@@ -25,6 +28,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::views::Parallax;
+pub use hidden::{HiddenLayer, hidden_layer};
 pub use rows::SideView;
 use rows::{LEVELS, Levels, Rows};
 

@@ -99,6 +99,49 @@ fn a_veil_before_a_texture_has_the_disparity_of_the_texture() {
     assert!(share < 0.02, "{share}");
 }
 
+/// Invariant: The back layer of rule `views` is what the views beside a picture show behind its edges.
+#[test]
+fn the_hidden_layer_is_what_the_plate_hides_beside_its_edges() {
+    let size_px = [641, 61];
+    let parallax = parallax(960);
+    let (near, far) = (200, 50);
+    let plate = 200..420;
+    let shift = |d: u8, eye: f64| parallax.shift_px(Disparity(f64::from(d)), eye);
+    let background = |x: f64, y: f64| texture(x / 5.0, y / 5.0, 0.0);
+    let views = Views::of(size_px, |x, y, eye| {
+        let [on_plate, behind] = [near, far].map(|d| x - shift(d, eye));
+        let is_plate = (199.5..419.5).contains(&on_plate);
+        if is_plate { texture(on_plate, y, 2.0) } else { background(behind, y) }
+    });
+    let disparity: Vec<u8> = (0..size_px[1])
+        .flat_map(|_| (0..size_px[0]).map(|x| if plate.contains(&x) { near } else { far }))
+        .collect();
+    let [left, right] = &views.sides;
+    let sides = [SideView { eye: -EYE, color: left }, SideView { eye: EYE, color: right }];
+    let layer = hidden_layer(size_px, &views.picture, &disparity, &sides, &parallax);
+    let revealed = (shift(near, EYE) - shift(far, EYE)).abs();
+    let (mut seen, mut differences) = (0, 0.0);
+    for at in 0..disparity.len() as u32 {
+        let [x, y] = [at % size_px[0], at / size_px[0]];
+        let at = at as usize;
+        if layer.disparity[at] == disparity[at] {
+            assert_eq!(layer.color[at], views.picture[at], "({x}, {y})");
+            continue;
+        }
+        let from_edge = (x - plate.start).min(plate.end - 1 - x);
+        assert!(plate.contains(&x) && f64::from(from_edge) < revealed + 1.0, "({x}, {y})");
+        assert_eq!((layer.disparity[at], layer.color[at][3]), (far, 255), "({x}, {y})");
+        let truth = background(f64::from(x), f64::from(y)).map(|v| 255.0 * v);
+        let channels = truth.iter().zip(layer.color[at]);
+        differences += channels.map(|(truth, found)| (truth - f64::from(found)).abs()).sum::<f64>() / 3.0;
+        seen += 1;
+    }
+    let expected = 2.0 * (revealed - 1.0) * f64::from(size_px[1]);
+    assert!(f64::from(seen) > expected, "{seen} pixels behind the plate, at least {expected}");
+    let mean = differences / f64::from(seen);
+    assert!(mean < 6.0, "colours differ by {mean} in the mean");
+}
+
 #[test]
 fn strips_leave_no_seams() {
     let size_px = [120, 1201];

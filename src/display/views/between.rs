@@ -125,7 +125,7 @@ struct Line {
 impl Line {
     fn draw(&mut self, row: &Row<'_>, shifts: &[i32; 256], scratch: &mut Scratch) {
         let width = row.color.len();
-        place(row, shifts, &mut scratch.spans);
+        place(row.disparity, shifts, &mut scratch.spans);
         cut(&scratch.spans, &mut scratch.active, width, &mut scratch.pieces);
         self.weights.clear();
         self.weights.resize(width, 0);

@@ -128,7 +128,7 @@ impl<'a> Row<'a> {
 
 /// The place of a pixel in the view.
 #[derive(Clone, Copy)]
-pub(super) struct Span {
+pub(crate) struct Span {
     from: i32,
     to: i32,
     pixel: usize,
@@ -138,9 +138,9 @@ pub(super) struct Span {
 /// A part of the view's line, from the end of the one before it, that shows one pixel; a hole shows
 /// none.
 #[derive(Clone, Copy)]
-pub(super) struct LinePiece {
-    pub(super) to: i32,
-    pub(super) pixel: Option<usize>,
+pub(crate) struct LinePiece {
+    pub(crate) to: i32,
+    pub(crate) pixel: Option<usize>,
 }
 
 /// Buffers of a line, reused from line to line.
@@ -157,11 +157,11 @@ struct Scratch {
 impl Scratch {
     fn draw(&mut self, shifts: &[i32; 256], front: &Row<'_>, back: Option<&Row<'_>>, out: &mut [[u8; 3]]) {
         let Self { spans, active, front: pieces, back: behind, sums } = self;
-        place(front, shifts, spans);
+        place(front.disparity, shifts, spans);
         cut(spans, active, front.color.len(), pieces);
         behind.clear();
         if let Some(back) = back {
-            place(back, shifts, spans);
+            place(back.disparity, shifts, spans);
             cut(spans, active, back.color.len(), behind);
         }
         sums.clear();
@@ -190,14 +190,14 @@ fn rounded(sum: i32) -> u8 {
 }
 
 /// The pixels of a line where the view has them, by their left ends.
-pub(super) fn place(row: &Row<'_>, shifts: &[i32; 256], spans: &mut Vec<Span>) {
+pub(crate) fn place(disparity: &[u8], shifts: &[i32; 256], spans: &mut Vec<Span>) {
     spans.clear();
-    let shift = |i: usize| shifts[usize::from(row.disparity[i])];
+    let shift = |i: usize| shifts[usize::from(disparity[i])];
     let joined = |i: usize, j: usize| {
-        row.disparity[i].abs_diff(row.disparity[j]) <= SURFACE_STEP && (shift(i) - shift(j)).abs() < UNIT
+        disparity[i].abs_diff(disparity[j]) <= SURFACE_STEP && (shift(i) - shift(j)).abs() < UNIT
     };
-    let last = row.disparity.len() - 1;
-    for (pixel, &disparity) in row.disparity.iter().enumerate() {
+    let last = disparity.len() - 1;
+    for (pixel, &disparity) in disparity.iter().enumerate() {
         let own = shift(pixel);
         let middle = |other: usize| if joined(pixel, other) { (own + shift(other)) / 2 } else { own };
         let left = if pixel > 0 { middle(pixel - 1) } else { own };
@@ -209,7 +209,7 @@ pub(super) fn place(row: &Row<'_>, shifts: &[i32; 256], spans: &mut Vec<Span>) {
 }
 
 /// The visible parts of the spans within a line of `width` pixels: always the nearest span.
-pub(super) fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
+pub(crate) fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: &mut Vec<LinePiece>) {
     pieces.clear();
     active.clear();
     let end = width as i32 * UNIT;

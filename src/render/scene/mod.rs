@@ -480,14 +480,14 @@ fn expect_budget(budget_ms: Option<f64>) -> Result<(), OutOfRange> {
 /// Refuses a layout with a background where the request gives none.
 fn expect_background(request: &RenderRequest, display: &DisplaySettings) -> Result<(), OutOfRange> {
     let layout = display.layout;
-    if !layout.needs_background() || request.has_back_layer() {
+    if !layout.needs_background() || request.has_background() {
         return Ok(());
     }
-    if request.depth.has_back_layer() {
+    if request.depth.has_back_layer() || request.depth == DepthRule::Views {
         let allowed = format!("composite, which layout {layout} needs");
         return Err(OutOfRange::new("mode", format!("{:?}", request.mode).to_lowercase(), allowed));
     }
-    let allowed = format!("two-layer, which layout {layout} needs");
+    let allowed = format!("two-layer or views, since layout {layout} needs a back layer");
     Err(OutOfRange::new("depth.rule", request.depth.name(), allowed))
 }
 

@@ -133,10 +133,10 @@ impl DepthFile {
         let is_for_views =
             matches!(display.layout.info().content, FrameContent::Disparity(_) | FrameContent::Views(_));
         let has_views = matches!(camera.projection(), Projection::Perspective { .. });
-        Self::of_rule(if display.layout.needs_background() {
-            DepthRule::TwoLayer { fraction }
-        } else if is_for_views && has_views && mode == Mode::Composite {
+        Self::of_rule(if is_for_views && has_views && mode == Mode::Composite {
             DepthRule::Views
+        } else if display.layout.needs_background() {
+            DepthRule::TwoLayer { fraction }
         } else {
             DepthRule::Threshold { fraction }
         })

@@ -42,10 +42,23 @@ fn quality_decides_the_sample_distance_of_composite_pictures_alone() {
 
 #[test]
 fn a_layout_with_a_background_has_the_rule_that_gives_one() {
-    let scene = SceneFile::parse(br#"{"display":{"layout":"declipse"}}"#).unwrap();
-    let scene = scene.resolve(&grid(), &Orbit::default()).unwrap();
-    assert_eq!(scene.request.depth, DepthRule::TwoLayer { fraction: 0.5 });
-    assert!(scene.request.has_back_layer());
+    for (json, rule, casts_it) in [
+        (r#"{"display":{"layout":"declipse"}}"#, DepthRule::Views, false),
+        (
+            r#"{"display":{"layout":"declipse"},"mode":"path-traced"}"#,
+            DepthRule::TwoLayer { fraction: 0.5 },
+            true,
+        ),
+        (
+            r#"{"display":{"layout":"declipse"},"depth":{"rule":"two-layer"}}"#,
+            DepthRule::TwoLayer { fraction: 0.5 },
+            true,
+        ),
+    ] {
+        let scene = SceneFile::parse(json.as_bytes()).unwrap().resolve(&grid(), &Orbit::default()).unwrap();
+        assert_eq!(scene.request.depth, rule, "{json}");
+        assert_eq!(scene.request.has_back_layer(), casts_it, "{json}");
+    }
 }
 
 #[test]
@@ -97,7 +110,7 @@ fn depth_rules_and_spheres_that_are_wrong_are_named_with_path_value_and_range() 
     for (json, parts) in [
         (
             r#"{"depth":{"rule":"wysiwyp"},"display":{"layout":"declipse"}}"#,
-            &["depth.rule is wysiwyp", "two-layer, which layout declipse needs"][..],
+            &["depth.rule is wysiwyp", "two-layer or views, since layout declipse needs a back layer"][..],
         ),
         (
             r#"{"mode":"mip","display":{"layout":"declipse-lines"}}"#,

@@ -93,8 +93,6 @@ export function frameQuery(state, moving = false) {
   const query = { ...lookQuery(state, 16 / 9, 1, moving), ...budget(moving), layout: state.layout };
   if (state.profile) query.profile = state.profile;
   const { factor, offset, depthFilter: depth_filter } = state;
-  // These layouts carry the background layer, which only one depth rule provides.
-  if (state.layout.startsWith("declipse")) query.depth_rule = "two-layer";
   return new URLSearchParams({ ...query, factor, offset, depth_filter });
 }
 

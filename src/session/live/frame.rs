@@ -148,7 +148,7 @@ impl ViewFrame {
     }
 
     fn back_layer(&self) -> bool {
-        self.frame.back.is_some() && self.display.layout.needs_background()
+        self.frame.has_back_layer() && self.display.layout.needs_background()
     }
 
     /// Width and rows of the sent picture.
@@ -200,12 +200,10 @@ impl ViewFrame {
 
     fn encode_color(&self, format: ColorFormat, quality: u8) -> Result<EncodedColor, LiveError> {
         let failed = |error| LiveError::encoding("encoding colour", error);
-        let bytes = match &self.frame.back {
-            Some(back) if self.back_layer() => {
-                let both = [&self.frame.color_rgba[..], &back.color_rgba].concat();
-                encode_color(self.size(), &both, format, quality)
-            }
-            _ => encode_color(self.size(), &self.frame.color_rgba, format, quality),
+        let pictures = self.pictures()?;
+        let bytes = match &pictures[..] {
+            [front] => encode_color(self.size(), front.color(), format, quality),
+            all => encode_color(self.size(), &colors(all), format, quality),
         };
         Ok(EncodedColor { format, bytes: bytes.map_err(failed)? })
     }
@@ -244,16 +242,17 @@ impl ViewFrame {
     /// # Errors
     /// When composing fails.
     pub fn composed(&self) -> Result<Frame, LiveError> {
-        let rgb = |color: &[[u8; 4]]| color.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect::<Vec<_>>();
-        let mut color = rgb(&self.frame.color_rgba);
-        if let Some(back) = self.frame.back.as_ref().filter(|_| self.back_layer()) {
-            color.extend(rgb(&back.color_rgba));
-        }
+        let color = colors(&self.pictures()?).into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
         let depth = ReceivedDepth::Disparity(self.disparity()?);
         let received = ReceivedFrame { header: self.header(0), color, depth };
         let curve = self.display.profile()?;
         received.compose(&curve).map_err(|error| LiveError::encoding("composing", error))
     }
+}
+
+/// The colours of pictures, one below the other.
+fn colors(pictures: &[Picture<'_>]) -> Vec<[u8; 4]> {
+    pictures.iter().flat_map(|picture| picture.color()).copied().collect()
 }
 
 /// The cell of a key; adds one if the key is new.

@@ -1,0 +1,145 @@
+//! The layer behind a picture: what the views beside it show and the picture does not.
+//!
+//! A view made of a picture has holes where a nearer surface moves away from a farther one. The views
+//! beside the picture show what is there. Each pixel of a hole is put where the picture would have it
+//! on the hole's farther side. All other pixels of the layer are those of the picture: they move like
+//! the surface before them, so they show in no hole. A hole that no view has seen is filled as without
+//! a layer.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::rows::SideView;
+use super::side_size_px;
+use crate::views::{LinePiece, Parallax, Span, cut, place};
+
+/// A layer behind a picture, in rows from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HiddenLayer {
+    /// Red, green, blue and coverage.
+    pub color: Vec<[u8; 4]>,
+    /// 0 (far) to 255.
+    pub disparity: Vec<u8>,
+}
+
+/// The layer behind a picture with these disparities, by two views beside it.
+///
+/// # Panics
+/// When the pictures do not fill their sizes.
+#[must_use]
+pub fn hidden_layer(
+    size_px: [u32; 2],
+    color: &[[u8; 4]],
+    disparity: &[u8],
+    sides: &[SideView<'_>; 2],
+    parallax: &Parallax,
+) -> HiddenLayer {
+    let [width, height] = size_px.map(|side| side as usize);
+    let [columns, rows] = side_size_px(size_px).map(|side| side as usize);
+    assert_eq!([color.len(), disparity.len()], [width * height; 2], "the picture");
+    for side in sides {
+        assert_eq!(side.color.len(), columns * rows, "a view");
+    }
+    let shifts = sides.map(|side| parallax.shifts(side.eye, size_px[0]));
+    let mut layer = HiddenLayer { color: color.to_vec(), disparity: disparity.to_vec() };
+    let lines = layer.color.par_chunks_exact_mut(width).zip(layer.disparity.par_chunks_exact_mut(width));
+    lines.enumerate().for_each_init(Scratch::default, |scratch, (y, (behind_color, behind))| {
+        let front = Line { color: &color[y * width..][..width], disparity: &disparity[y * width..][..width] };
+        for (side, shifts) in sides.iter().zip(&shifts) {
+            let row = |y: usize| &side.color[y.min(rows - 1) * columns..][..columns];
+            let view = ViewLine { above: row(y / 2), below: row(y.div_ceil(2)) };
+            for hole in scratch.holes(front.disparity, shifts) {
+                let likely = front.color[hole.far];
+                let far = front.disparity[hole.far];
+                for x in hole.pixels(width) {
+                    let place = (x as i32 * Parallax::UNIT - shifts[usize::from(far)] + Parallax::UNIT / 2)
+                        .div_euclid(Parallax::UNIT);
+                    let at = usize::try_from(place).ok().filter(|at| *at < width);
+                    if let Some(at) = at.filter(|at| front.disparity[*at] > far) {
+                        behind_color[at] = view.color(x, &hole.pixels(width), likely);
+                        behind[at] = far;
+                    }
+                }
+            }
+        }
+    });
+    layer
+}
+
+/// A row of the picture.
+struct Line<'a> {
+    color: &'a [[u8; 4]],
+    disparity: &'a [u8],
+}
+
+/// A part of a view's row that the picture does not show.
+struct Hole {
+    /// Its ends, 1/4096 pixel.
+    ends: [i32; 2],
+    /// The pixel of the picture beside it, on its farther side.
+    far: usize,
+}
+
+impl Hole {
+    /// The pixels of the view whose middles it contains.
+    fn pixels(&self, width: usize) -> Range<usize> {
+        let [first, end] = self.ends.map(|end| {
+            let pixel = (end + Parallax::UNIT / 2).div_euclid(Parallax::UNIT);
+            usize::try_from(pixel).unwrap_or(0).min(width)
+        });
+        first..end.max(first)
+    }
+}
+
+/// Buffers of a row.
+#[derive(Default)]
+struct Scratch {
+    spans: Vec<Span>,
+    active: Vec<Span>,
+    pieces: Vec<LinePiece>,
+}
+
+impl Scratch {
+    /// The holes of a view made of a row with these disparities. Those at the border of the picture
+    /// have one side and do not count.
+    fn holes(&mut self, disparity: &[u8], shifts: &[i32; 256]) -> impl Iterator<Item = Hole> {
+        place(disparity, shifts, &mut self.spans);
+        cut(&self.spans, &mut self.active, disparity.len(), &mut self.pieces);
+        self.pieces.windows(3).filter_map(|pieces| {
+            let [before, hole, behind] = pieces else { return None };
+            let (Some(left), None, Some(right)) = (before.pixel, hole.pixel, behind.pixel) else {
+                return None;
+            };
+            let far = if disparity[left] <= disparity[right] { left } else { right };
+            Some(Hole { ends: [before.to, hole.to], far })
+        })
+    }
+}
+
+/// The rays of a view above and below a row of the picture, or twice those at its height.
+struct ViewLine<'a> {
+    above: &'a [[u8; 4]],
+    below: &'a [[u8; 4]],
+}
+
+impl ViewLine<'_> {
+    /// The colour of a pixel within a hole: between the rays beside it that are in the hole too, and
+    /// of the row that is more like the hole's farther side. The mean of both rows would blur edges
+    /// along rows.
+    fn color(&self, x: usize, hole: &Range<usize>, likely: [u8; 4]) -> [u8; 4] {
+        let [left, right] = [x / 2, x.div_ceil(2)];
+        let left = if 2 * left < hole.start { right } else { left };
+        let right = if 2 * right < hole.end { right } else { left };
+        let [above, below] = [self.above, self.below].map(|row| {
+            let [left, right] = [left, right].map(|at| row[at.min(row.len() - 1)]);
+            std::array::from_fn(|channel| u8::midpoint(left[channel], right[channel]))
+        });
+        if difference(above, likely) <= difference(below, likely) { above } else { below }
+    }
+}
+
+/// The difference of two colours, summed over the channels.
+fn difference(a: [u8; 4], b: [u8; 4]) -> u16 {
+    (0..3).map(|channel| u16::from(a[channel].abs_diff(b[channel]))).sum()
+}
