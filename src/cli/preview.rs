@@ -89,7 +89,11 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
         );
     }
     if let Some(span) = arguments.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
-        bail!("--view-span is {span}, allowed: 0 to 18 eye separations");
+        bail!(
+            "--view-span is {span}, allowed: {} to {} eye separations",
+            VIEW_SPANS.start(),
+            VIEW_SPANS.end()
+        );
     }
     let panel =
         arguments.panel.as_deref().map(|path| panel_for(*layout, path)).transpose()?.unwrap_or_default();

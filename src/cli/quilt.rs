@@ -46,6 +46,11 @@ pub(crate) fn hint(path: &Path, layout: Layout, size_px: [u32; 2]) -> Option<Str
     ))
 }
 
+/// Whether the name of a file says a quilt.
+pub(crate) fn is_named(path: &Path) -> bool {
+    name_of(path).is_some()
+}
+
 fn name_of(path: &Path) -> Option<QuiltName> {
     QuiltName::of(path.file_stem()?.to_str()?)
 }

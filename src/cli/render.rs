@@ -17,7 +17,7 @@ use crate::scene::SceneArguments;
 use crate::series::SeriesArguments;
 use crate::views;
 use relief_annotation::ShownSets;
-use relief_display::Layout;
+use relief_display::{Layout, USUAL_VIEW_CONE_DEG};
 use relief_render::{
     Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile,
     Subject,
@@ -74,9 +74,10 @@ pub(super) struct RenderArguments {
     /// Sets of annotations to draw; all that are not blinded where none is named
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "annotations")]
     set: Vec<String>,
-    /// The views of a layout of views
-    #[arg(long, value_name = "WHICH", value_enum, default_value_t)]
-    views: views::ViewChoice,
+    /// The views of a layout of views [default: interpolated where they have a cone, from --view-cone,
+    /// the --panel or the name of a quilt; else synthesised]
+    #[arg(long, value_name = "WHICH")]
+    views: Option<views::ViewChoice>,
     /// Number of views that are rendered with --views interpolated or refined: a fifth of them where left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     key_views: Option<u16>,
@@ -136,6 +137,9 @@ impl RenderArguments {
             let of_file = Some(display.layout).filter(|layout| *layout != Layout::default());
             let layout = quilt::layout_of(&self.out.path, self.scene.layout().or(of_file))?;
             display.layout = layout.unwrap_or(display.layout);
+            if quilt::is_named(&self.out.path) && display.view_span.or(display.view_cone_deg).is_none() {
+                display.view_cone_deg = Some(USUAL_VIEW_CONE_DEG);
+            }
             file = file.with_display(display);
         }
         Ok(file)
@@ -146,16 +150,28 @@ impl RenderArguments {
         if self.out.format == FileFormat::Png {
             scene.expect_size_of_layout()?;
             quilt::check_aspect(&self.out.path, scene.request.size_px)?;
-        } else if self.views != views::ViewChoice::Synthesised {
+        } else if self.views.is_some() {
             bail!("--views is for .png files");
         }
-        views::check(self.views, self.key_views, scene)
+        views::check(self.views_of(scene), self.key_views, scene)
+    }
+
+    /// How the views of a scene are made. Those far from the middle are poor where one picture is the
+    /// source of all.
+    fn views_of(&self, scene: &Scene) -> views::ViewChoice {
+        let is_still = scene.budget_ms.is_none() && !matches!(scene.request.mode, Mode::Slice(_));
+        let is_wide = scene.display.view_cone().is_some() && scene.display.layout.view_count() > 2;
+        self.views.unwrap_or(if is_wide && is_still && self.out.format == FileFormat::Png {
+            views::ViewChoice::Interpolated
+        } else {
+            views::ViewChoice::Synthesised
+        })
     }
 }
 
 pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     let scene_file = arguments.scene_file()?;
-    let RenderArguments { series, adapter, out, depth_out, views: choice, key_views, json, .. } = arguments;
+    let RenderArguments { series, adapter, out, depth_out, key_views, json, .. } = arguments;
     check_outputs(out, depth_out.as_ref())?;
     let eye = arguments.eye.read()?;
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
@@ -167,6 +183,7 @@ pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     }
     draw_annotations(arguments.annotations.as_deref(), &loaded, &mut scene)?;
     arguments.check(&scene)?;
+    let choice = arguments.views_of(&scene);
     if eye.is_some() {
         ViewingEye::check(&scene)?;
     }
@@ -186,7 +203,7 @@ pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     let made = match choice {
         views::ViewChoice::Synthesised if !has_views => None,
         _ => Some(views::make(
-            (*choice, key_views.map(usize::from)),
+            (choice, key_views.map(usize::from)),
             &scene,
             &frame,
             &mut renderer,

@@ -85,8 +85,12 @@ pub(super) struct SceneArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
     view_span: Option<f64>,
-    /// The panel that layouts lenses-N are for: a JSON file of pitch_px, slant, center, subpixels and
-    /// is_reversed, or the calibration of a Looking Glass
+    /// Angle between the outermost views in degrees, in place of --view-span [default: that of the
+    /// --panel, and 35 where the name of --out says a quilt]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "view_span")]
+    view_cone: Option<f64>,
+    /// The panel that layouts lenses-N are for: a JSON file of pitch_px, slant, center, subpixels,
+    /// is_reversed and view_cone_deg, or the calibration of a Looking Glass
     #[arg(long, value_name = "FILE.json")]
     panel: Option<PathBuf>,
     /// Filter for depth in frames: none, median-3, median-5, clear-edge
@@ -276,7 +280,9 @@ impl SceneArguments {
             }
         }
         display.depth_filter = self.depth_filter.unwrap_or(display.depth_filter);
-        display.view_span = self.view_span.or(display.view_span);
+        if self.view_span.is_some() || self.view_cone.is_some() {
+            (display.view_span, display.view_cone_deg) = (self.view_span, self.view_cone);
+        }
         if let Some(path) = &self.panel {
             display.panel = Some(panel_for(display.layout, path)?);
         }

@@ -11,6 +11,7 @@ use relief_base::DepthLimits;
 use relief_display::{FrameEncoder, Layout, TrueViews, ViewGrid, Views, encode_views, interpolate, psnr_db};
 use relief_render::{
     Mode, Refinement, RenderRequest, RenderedFrame, Renderer, Scene, eye_cameras, true_views,
+    with_span_of_cone,
 };
 use relief_volume::{Camera, Volume};
 
@@ -149,9 +150,11 @@ pub(super) fn make(
     volume: &Volume,
     render: impl Fn(&mut Renderer, &Volume, &RenderRequest) -> anyhow::Result<RenderedFrame>,
 ) -> anyhow::Result<ViewFile> {
+    let limits = frame.limits_for(&scene.display)?;
+    let display = with_span_of_cone(&scene.display, &frame.camera, frame.size_px, limits)?;
+    let scene = &Scene { display, ..scene.clone() };
     let encoder = scene.display.encoder()?;
     let layout = encoder.layout();
-    let limits = frame.limits_for(&scene.display)?;
     if choice == ViewChoice::Synthesised {
         return from_one_picture(&encoder, frame, limits);
     }

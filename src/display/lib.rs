@@ -52,6 +52,6 @@ pub use settings::{DisplaySettings, ProfileSetting, VIEW_SPANS};
 pub use shrink::shrunk_rgb;
 pub use views::{
     Arrangement, Axis, KeyView, LensPanel, MAX_VIEWS, PanelError, Parallax, ProcessorViews, QuiltName,
-    Subpixels, Synthesize, TrueViews, Turns, ViewCount, ViewGrid, Views, anaglyph, check_layers, eyes,
-    interpolate, psnr_db, synthesize, tracked_eyes,
+    Subpixels, Synthesize, TrueViews, Turns, USUAL_VIEW_CONE_DEG, VIEW_CONES_DEG, ViewCount, ViewGrid, Views,
+    anaglyph, check_layers, eyes, interpolate, psnr_db, synthesize, tracked_eyes,
 };

@@ -14,12 +14,11 @@ use super::profile::{DisparityConstants, DisplayProfile, ProfileError, ProfileNa
 use crate::layout::error::LayoutError;
 use crate::layout::table::Layout;
 use crate::screen_plane::{ScreenPlane, limits_around};
-use crate::views::LensPanel;
+use crate::views::{LensPanel, check_cone};
 use relief_base::{DepthLimits, OutOfRange, ScaledDepth};
 
-/// Eye separations between the outermost views: none, or as many as the cone of a display has, which is 17.9 for
-/// 17 degrees to each side at 1.9 m.
-pub const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=18.0;
+/// Eye separations between the outermost views: from one view for all places to a cone of about 50 degrees.
+pub const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 
 /// How a picture becomes a frame. Every key has a default; unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,9 +39,13 @@ pub struct DisplaySettings {
     /// offset-select bit.
     #[serde(deserialize_with = "byte")]
     pub offset: u8,
-    /// Eye separations between the outermost views of layouts of views, 0 to 18; `null` is 1 for
+    /// Eye separations between the outermost views of layouts of views, 0 to 60; `null` is 1 for
     /// two views and 2 for more.
     pub view_span: Option<f64>,
+    /// The angle between the outermost views as the middle of the screen sees their cameras, degrees;
+    /// in place of `view_span`. `null` is that of the panel, for a panel that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view_cone_deg: Option<f64>,
     /// The lenses of the panel that layouts `lenses-N` are for; `null` is a common panel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub panel: Option<LensPanel>,
@@ -84,6 +87,7 @@ impl Default for DisplaySettings {
             factor,
             offset,
             view_span: None,
+            view_cone_deg: None,
             panel: None,
             depth_filter: DepthFilter::default(),
             depth_range: DepthRange::default(),
@@ -109,14 +113,37 @@ impl DisplaySettings {
             checked_limits(near, far)?;
         }
         self.validate_screen_plane()?;
-        if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
-            let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
-            return Err(OutOfRange::new("display.view_span", span, allowed));
-        }
+        self.validate_views()?;
         if let Some(panel) = self.panel {
             panel.check().map_err(|error| error.within("display.panel"))?;
         }
         self.encoder().map(|_| ())
+    }
+
+    fn validate_views(&self) -> Result<(), OutOfRange> {
+        if let Some(span) = self.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
+            let allowed = format!("{} to {} eye separations, or null", VIEW_SPANS.start(), VIEW_SPANS.end());
+            return Err(OutOfRange::new("display.view_span", span, allowed));
+        }
+        if let Some(cone_deg) = self.view_cone_deg {
+            check_cone("display.view_cone_deg", cone_deg)?;
+            if let Some(span) = self.view_span {
+                let allowed = "null beside view_cone_deg, which is another way to say it";
+                return Err(OutOfRange::new("display.view_span", span, allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// The angle between the outermost views that these settings have, degrees; `None` where they have a
+    /// number of eye separations.
+    #[must_use]
+    pub fn view_cone(&self) -> Option<f64> {
+        let of_panel = || match (self.layout, self.view_span) {
+            (Layout::Lenses(_), None) => self.panel.and_then(|panel| panel.view_cone_deg),
+            _ => None,
+        };
+        self.view_cone_deg.or_else(of_panel)
     }
 
     fn validate_screen_plane(&self) -> Result<(), OutOfRange> {
@@ -159,6 +186,7 @@ impl DisplaySettings {
             layout: Layout::Rgbd, // it fits every profile
             content: Header::default().content,
             view_span: None,
+            view_cone_deg: None,
             panel: None,
             depth_filter: DepthFilter::default(),
             ..self.clone()

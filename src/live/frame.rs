@@ -8,7 +8,7 @@
 use super::codec::{self, CodecError};
 use super::format::{ColorFormat, DepthFormat, LiveLayout};
 use super::header::{FrameError, FrameHeader, HEADER_BYTES};
-use relief_base::ScaledDepth;
+use relief_base::{DepthLimits, ScaledDepth};
 use relief_display::{
     DecodedLayer, DisparityConstants, DisparityLayer, DisplayProfile, Frame, FrameEncoder, Layout,
     LayoutError, LensPanel, MAX_FRAME_SIDE_PX, ProfileError, Synthesize,
@@ -56,9 +56,18 @@ pub struct ViewsOutput {
     pub panel: LensPanel,
     /// Eye separations between the outermost views; `None` is the layout's default.
     pub view_span: Option<f64>,
+    /// The angle between the outermost views, degrees, in place of eye separations; `None` is that of
+    /// the panel, for a panel that has one.
+    pub view_cone_deg: Option<f64>,
     /// The eyes of a tracked viewer, for layouts of two views; `None` stands for a viewer before the
     /// middle of the screen.
     pub tracked_eyes: Option<[f64; 2]>,
+}
+
+impl ViewsOutput {
+    fn view_cone(&self) -> Option<f64> {
+        self.view_cone_deg.or(self.panel.view_cone_deg.filter(|_| self.view_span.is_none()))
+    }
 }
 
 /// The layers that views are made of: a picture and its disparity in full size, and the background
@@ -284,7 +293,18 @@ impl ReceivedLayers {
 
     fn encoder(&self, curve: &DisplayProfile, output: &ViewsOutput) -> Result<FrameEncoder, ComposeError> {
         let encoder = FrameEncoder::new(output.layout, *curve, self.header.display_header()?)?;
-        Ok(encoder.with_view_span(output.view_span).with_tracked_eyes(output.tracked_eyes))
+        let span = output.view_cone().map_or(output.view_span, |cone_deg| self.span_of(&encoder, cone_deg));
+        Ok(encoder.with_view_span(span).with_tracked_eyes(output.tracked_eyes))
+    }
+
+    /// The eye separations between views of this angle; `None` where the screen is behind the camera.
+    fn span_of(&self, encoder: &FrameEncoder, cone_deg: f64) -> Option<f64> {
+        let size_px = self.header.full_px.map(u32::from);
+        let [near_mm, far_mm] = self.header.limits_mm.map(f64::from);
+        let [half_width, _] = self.header.camera().ok()?.half_extent(size_px);
+        let limits = DepthLimits { near_mm, far_mm };
+        let setup = encoder.parallax(size_px[0]).true_views(limits, half_width, size_px[0])?;
+        Some(setup.span_of_cone(cone_deg))
     }
 }
 

@@ -120,7 +120,7 @@ pub use skipping::EmptySpaceSkipping;
 pub use store::MemoryUse;
 pub use surface::Surface;
 pub use table_rule::TableRule;
-pub use true_views::{TrueViewsError, eye_cameras, true_views};
+pub use true_views::{TrueViewsError, eye_cameras, true_views, with_span_of_cone};
 pub use view_synthesis::{ViewSynthesizer, view_synthesizer};
 pub use watch::Progress;
 

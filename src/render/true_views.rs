@@ -36,6 +36,23 @@ pub fn true_views(
     parallax.true_views(limits, half_width, size_px[0]).ok_or(TrueViewsError::ScreenBehindCamera)
 }
 
+/// The settings with their view cone, where they have one, as eye separations before this camera.
+///
+/// # Errors
+/// With a view cone, when its eyes have no cameras.
+pub fn with_span_of_cone(
+    display: &DisplaySettings,
+    camera: &Camera,
+    size_px: [u32; 2],
+    limits: DepthLimits,
+) -> Result<DisplaySettings, TrueViewsError> {
+    let Some(cone_deg) = display.view_cone() else { return Ok(display.clone()) };
+    let setup = true_views(display, camera, size_px, limits)?;
+    eye_cameras(&setup, camera, &[0.0])?; // a parallel projection has no angle between eyes
+    let view_span = Some(setup.span_of_cone(cone_deg));
+    Ok(DisplaySettings { view_span, view_cone_deg: None, ..display.clone() })
+}
+
 /// The cameras of these eyes before the screen that `setup` describes.
 ///
 /// # Errors

@@ -12,7 +12,7 @@ use relief_display::{
     CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameContent, FrameEncoder, Layout,
     LayoutError, Picture, encode_exr, encode_jpeg, encode_png, encode_views,
 };
-use relief_render::RenderedFrame;
+use relief_render::{RenderedFrame, TrueViewsError, with_span_of_cone};
 use relief_volume::{Camera, Projection};
 
 /// Colour fringes of chroma subsampling stay invisible; half the bytes of 95.
@@ -82,6 +82,9 @@ pub enum EncodingError {
     /// The picture does not fit the layout.
     #[error(transparent)]
     Layout(#[from] LayoutError),
+    /// The views of a cone have no cameras.
+    #[error(transparent)]
+    Views(#[from] TrueViewsError),
     /// The file could not be made.
     #[error(transparent)]
     File(#[from] EncodeError),
@@ -107,7 +110,10 @@ pub fn encode(
     // Those of the visible surfaces take as long to find as a picture to compress.
     let limits = if shows_depth { frame.limits_for(display)? } else { display.limits(frame.limits)? };
     match (format, product) {
-        (FileFormat::Png, Product::Frame) => png(frame, &display.encoder()?, limits),
+        (FileFormat::Png, Product::Frame) => {
+            let display = with_span_of_cone(display, &frame.camera, frame.size_px, limits)?;
+            png(frame, &display.encoder()?, limits)
+        }
         (FileFormat::Png, Product::Depth) => {
             let encoder = FrameEncoder::new(Layout::Depth16, display.profile()?, display.header())?;
             png(frame, &encoder.with_depth_filter(display.depth_filter), limits)

@@ -243,7 +243,7 @@ fn panels_have_files_and_quilts_have_names() {
 
     // The views of a quilt under the lenses: the formula of the panel, third by third.
     let (quilt, interlaced) = (path("head_qs3x3a1.778.png"), path("panel.png"));
-    render(&["--out", &quilt]);
+    render(&["--view-span", "2", "--out", &quilt]);
     let views = views_of(&quilt);
     assert_eq!(views.len(), 9);
     render(&["--layout", "lenses-9", "--panel", &panel, "--out", &interlaced]);
@@ -284,6 +284,65 @@ fn panels_have_files_and_quilts_have_names() {
     );
     let named = relief(&["preview", &quilt, "--layout", "views-9", "--out", &path("plain.png")]);
     assert!(String::from_utf8(named.stdout).unwrap().contains("plain_qs3x3a1.7778"));
+}
+
+/// Invariant: The outermost views of a cone are as far apart as its angle says.
+#[test]
+fn cones_are_angles_from_the_middle_of_the_screen() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (series, panel) = (path("head"), path("visual.json"));
+    assert!(relief(&["phantom", "--kind", "head", "--size", "48", "--out", &series]).status.success());
+    let calibration = |cone: &str| {
+        let file = format!(
+            r#"{{"configVersion": "1.0", "serial": "LKG-2K-00000", "pitch": {{"value": 47.57}}, "slope": {{"value": -5.44}},
+            "center": {{"value": 0.041}}, {cone} "DPI": {{"value": 338}}, "screenW": {{"value": 160}}, "screenH": {{"value": 90}}}}"#
+        );
+        std::fs::write(&panel, file).unwrap();
+    };
+    let scene =
+        ["render", "--series", &series, "--preset", "bone", "--size", "160x90", "--views", "true", "--json"];
+    let angle_deg = |more: &[&str]| {
+        let report = json_of(&[&scene[..], more].concat())["views"].clone();
+        let eyes = report["eyes"].as_array().unwrap();
+        let span = eyes.last().unwrap().as_f64().unwrap() - eyes[0].as_f64().unwrap();
+        let [baseline_mm, converging_mm] =
+            ["baseline_mm", "converging_mm"].map(|key| report[key].as_f64().unwrap());
+        2.0 * (span * baseline_mm / 2.0 / converging_mm).atan().to_degrees()
+    };
+    let (quilt, interlaced, plain) = (path("head_qs3x3a1.778.png"), path("panel.png"), path("plain.png"));
+    let lenses = ["--layout", "lenses-9", "--panel", &panel, "--out", &interlaced];
+    for (more, cone_deg) in [
+        (&["--layout", "views-9", "--view-cone", "20", "--out", &plain][..], 20.0),
+        (&["--layout", "views-9", "--view-cone", "53.5", "--depth-range", "volume", "--out", &plain], 53.5),
+        (&["--out", &quilt], 35.0),
+        (&["--view-cone", "40", "--out", &quilt], 40.0),
+    ] {
+        let found = angle_deg(more);
+        assert!((found - cone_deg).abs() < 1e-6, "{found} for {cone_deg}");
+    }
+    for (cone, cone_deg) in [(r#""viewCone": {"value": 40},"#, 40.0), ("", 35.0)] {
+        calibration(cone);
+        let found = angle_deg(&lenses);
+        assert!((found - cone_deg).abs() < 1e-6, "{found} for the panel's {cone_deg}");
+    }
+    // Views of a cone are interpolated unless others are wanted.
+    let fewer = ["render", "--series", &series, "--preset", "bone", "--size", "160x90", "--json", "--out"];
+    let made =
+        |more: &[&str]| json_of(&[&fewer[..], more].concat())["views"]["rendered"].as_array().map(Vec::len);
+    assert_eq!(made(&[&quilt]), Some(2));
+    assert_eq!(made(&[&quilt, "--views", "synthesised"]), None);
+    assert_eq!(made(&[&plain, "--layout", "views-9"]), None);
+    // Eye separations that were given count before the panel and the name.
+    for output in [&lenses[..], &["--out", &quilt]] {
+        assert!(angle_deg(&[output, &["--view-span", "1"]].concat()) < 5.0);
+    }
+    let both = refusal(&[&scene[..], &["--view-cone", "35", "--view-span", "2", "--out", &quilt]].concat());
+    assert!(both.contains("cannot be used with"), "{both}");
+    let wide = refusal(&[&scene[..], &["--view-cone", "91", "--out", &quilt]].concat());
+    assert!(wide.contains("display.view_cone_deg is 91, allowed: 0 to 90 degrees"), "{wide}");
+    let flat = refusal(&[&scene[..], &["--fov-deg", "0", "--out", &quilt]].concat());
+    assert!(flat.contains("parallel projection"), "{flat}");
 }
 
 /// A frame as any program may have written it: a ball before a wall.
@@ -368,7 +427,7 @@ fn layouts_without_a_preview_are_refused_with_the_reason() {
         |frame: &str, more: &[&str]| refusal(&[&["preview", frame, "--out", &out][..], more].concat());
     assert!(preview(&plain, &[]).contains("no disparity beside it"));
     assert!(preview(&plain, &["--layout", "color"]).contains("no layout of views"));
-    assert!(preview(&plain, &["--view-span", "99"]).contains("0 to 18 eye separations"));
+    assert!(preview(&plain, &["--view-span", "99"]).contains("0 to 60 eye separations"));
     assert!(preview(&path("none.png"), &[]).contains("cannot read"));
     // A frame whose header is gone is shown as plain 2D by displays.
     let frame = frame_file(folder.path(), &DisplaySettings::default());

@@ -207,7 +207,8 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         (["--layout", "stereo", "--panel", "none.json"], "--panel is for layouts lenses-N"),
         (["--layout", "wowvx", "--adapter", "cpu"], "are for layouts of views"),
         (["--layout", "stereo", "--adapter", "no-such-card"], "views cannot be made"),
-        (["--layout", "stereo", "--view-span", "19"], "allowed: 0 to 18 eye separations"),
+        (["--layout", "stereo", "--view-span", "61"], "allowed: 0 to 60 eye separations"),
+        (["--layout", "stereo", "--view-cone", "91"], "allowed: 0 to 90 degrees"),
         (["--layout", "wiggle", "--view-span", "1"], "layout wiggle is an animation"),
     ] {
         let refused = client(&serving.url(), &arguments);

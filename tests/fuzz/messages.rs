@@ -53,6 +53,7 @@ pub(crate) fn views(bytes: &[u8]) {
             ..LensPanel::default()
         },
         view_span: (span != 0).then(|| f64::from(span) / 32.0),
+        view_cone_deg: (span == 255).then_some(35.0),
         tracked_eyes: (eyes != 0).then(|| [-f64::from(eyes), f64::from(eyes)].map(|eye| eye / 64.0)),
     };
     let composed = frame

@@ -6,9 +6,12 @@ use serde_json::json;
 use super::renderer;
 use super::twin::{compare, oblique_head, request};
 use crate::common;
-use relief_base::Point;
+use relief_base::{DepthLimits, Point};
 use relief_display::{DisplaySettings, Layout, Picture, psnr_db};
-use relief_render::{DepthRule, RenderRequest, RenderedFrame, SceneFile, depth_limits};
+use relief_render::{
+    DepthRule, RenderRequest, RenderedFrame, SceneFile, depth_limits, eye_cameras, true_views,
+    with_span_of_cone,
+};
 use relief_volume::{Orbit, PhantomKind, Volume};
 
 /// Invariant: Synthesised views agree with true renders, which agree with point projection.
@@ -126,6 +129,29 @@ fn synthesised_views_of_a_head_come_close_to_true_renders() {
 /// At twice the usual effect the outermost views have 36.6 and 36.7 dB, the inner ones 38.8 and
 /// 38.4.
 const FLOOR_DB: f64 = 35.5;
+
+/// Invariant: The outermost views of a cone are as far apart as its angle says.
+///
+/// By the places of the cameras: the angle between the lines from the middle of the screen to them.
+#[test]
+fn the_cameras_of_a_cone_are_as_far_apart_as_it_says() {
+    let (_, request) = head();
+    let limits = DepthLimits { near_mm: 300.0, far_mm: 700.0 };
+    for (cone_deg, factor) in [(35.0, 64), (12.5, 64), (35.0, 140)] {
+        let layout: Layout = "views-5".parse().unwrap();
+        let display =
+            DisplaySettings { layout, factor, view_cone_deg: Some(cone_deg), ..DisplaySettings::default() };
+        let display = with_span_of_cone(&display, &request.camera, request.size_px, limits).unwrap();
+        let setup = true_views(&display, &request.camera, request.size_px, limits).unwrap();
+        let eyes = display.encoder().unwrap().eyes();
+        let cameras = eye_cameras(&setup, &request.camera, &eyes).unwrap();
+        let forwards = (request.camera.look_at().xyz - request.camera.eye().xyz).normalize();
+        let middle = request.camera.eye().xyz + forwards * setup.converging_mm;
+        let [first, last] = [&cameras[0], &cameras[4]].map(|camera| (camera.eye().xyz - middle).normalize());
+        let found_deg = first.dot(last).acos().to_degrees();
+        assert!((found_deg - cone_deg).abs() < 1e-6, "{found_deg} for {cone_deg}");
+    }
+}
 
 /// A known second layer fills the holes: nearer to the truth than their neighbours.
 #[test]

@@ -224,13 +224,17 @@ fn is_shown(layout: Layout) -> bool {
 /// How views are made of the server's picture and depth.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewsArguments {
-    /// The panel that lenses-N is for: a JSON file of pitch_px, slant, center, subpixels and
-    /// is_reversed, or the calibration of a Looking Glass
+    /// The panel that lenses-N is for: a JSON file of pitch_px, slant, center, subpixels, is_reversed
+    /// and view_cone_deg, or the calibration of a Looking Glass
     #[arg(long, value_name = "FILE.json")]
     pub(crate) panel: Option<PathBuf>,
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES")]
     pub(crate) view_span: Option<f64>,
+    /// Angle between the outermost views in degrees, in place of --view-span [default: that of the
+    /// --panel, and 35 where the name of a file says a quilt]
+    #[arg(long, value_name = "DEG", conflicts_with = "view_span")]
+    pub(crate) view_cone: Option<f64>,
     /// Layers that views are made of: 2 fills holes with the surface behind, for twice the data
     /// [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
@@ -244,7 +248,8 @@ pub(crate) struct ViewsArguments {
 impl ViewsArguments {
     /// Whether one of them is set.
     pub(crate) fn is_given(&self) -> bool {
-        self.panel.is_some() || self.view_span.is_some() || self.layers.is_some() || self.adapter.is_some()
+        let has_angle = self.view_span.is_some() || self.view_cone.is_some();
+        self.panel.is_some() || has_angle || self.layers.is_some() || self.adapter.is_some()
     }
 }
 

@@ -6,7 +6,9 @@ use crate::client::arguments::{ClientArguments, Part};
 use crate::panel::panel_for;
 use crate::quilt;
 use relief_client::{Access, Composer, Options};
-use relief_display::{DisplaySettings, Layout, ProfileName, ProfileSetting, VIEW_SPANS};
+use relief_display::{
+    DisplaySettings, Layout, ProfileName, ProfileSetting, USUAL_VIEW_CONE_DEG, VIEW_CONES_DEG, VIEW_SPANS,
+};
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings, ViewsOutput};
 use relief_render::{AdapterChoice, view_synthesizer};
 
@@ -104,7 +106,7 @@ fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutpu
     let Some(layout) = layout.filter(|layout| layout.view_count() > 0) else {
         if views.is_given() {
             bail!(
-                "--panel, --view-span, --layers and --adapter are for layouts of views, such as stereo or views-9"
+                "--panel, --view-span, --view-cone, --layers and --adapter are for layouts of views, such as stereo or views-9"
             );
         }
         return Ok(None);
@@ -114,7 +116,12 @@ fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutpu
     }
     let panel = views.panel.as_deref().map(|path| panel_for(layout, path)).transpose()?;
     let panel = panel.unwrap_or_default();
-    Ok(Some(ViewsOutput { layout, panel, view_span: views.view_span, tracked_eyes: None }))
+    let (view_span, view_cone_deg) = (views.view_span, views.view_cone);
+    let is_named = [&arguments.headless.save_frame, &arguments.recording.record];
+    let is_named = is_named.into_iter().flatten().any(|path| quilt::is_named(path));
+    let usual_cone = (is_named && view_span.is_none()).then_some(USUAL_VIEW_CONE_DEG);
+    let view_cone_deg = view_cone_deg.or(usual_cone);
+    Ok(Some(ViewsOutput { layout, panel, view_span, view_cone_deg, tracked_eyes: None }))
 }
 
 /// The layout in which the server sends what views are made of.
@@ -142,7 +149,18 @@ fn display_of(arguments: &ClientArguments, output: Option<&ViewsOutput>) -> anyh
     };
     display.validate()?;
     if let Some(span) = output.and_then(|output| output.view_span).filter(|span| !VIEW_SPANS.contains(span)) {
-        bail!("--view-span is {span}, allowed: 0 to 18 eye separations");
+        bail!(
+            "--view-span is {span}, allowed: {} to {} eye separations",
+            VIEW_SPANS.start(),
+            VIEW_SPANS.end()
+        );
+    }
+    if let Some(cone) = arguments.views.view_cone.filter(|cone| !VIEW_CONES_DEG.contains(cone)) {
+        bail!(
+            "--view-cone is {cone}, allowed: {} to {} degrees",
+            VIEW_CONES_DEG.start(),
+            VIEW_CONES_DEG.end()
+        );
     }
     if LiveLayout::of(display.layout) == LiveLayout::None {
         bail!("layout {} is no picture with disparity; live sessions have the others", display.layout);

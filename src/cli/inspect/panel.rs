@@ -12,13 +12,16 @@ pub(super) fn run(path: &Path, json: bool) -> anyhow::Result<ExitCode> {
     if json {
         print_json(&panel)?;
     } else {
-        let LensPanel { pitch_px, slant, center, subpixels, is_reversed } = panel;
+        let LensPanel { pitch_px, slant, center, subpixels, is_reversed, view_cone_deg } = panel;
         let order = if subpixels == Subpixels::Rgb { "red, green, blue" } else { "blue, green, red" };
         say!("pitch      {pitch_px:.6} pixels from lens to lens");
         say!("slant      {slant:.6} pixels to the left on the next line");
         say!("center     {center:.6} lenses at the top left corner");
         say!("subpixels  {order}");
         say!("views      from {}", if is_reversed { "right to left" } else { "left to right" });
+        if let Some(cone_deg) = view_cone_deg {
+            say!("view cone  {cone_deg} degrees from the first view to the last");
+        }
         say!("kiosk      {}", address(&panel));
     }
     Ok(ExitCode::SUCCESS)

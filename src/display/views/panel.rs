@@ -2,6 +2,7 @@
 //!
 //! Lengths are pixels of the panel, places (x, y) from its top left corner.
 
+use super::cone::{USUAL_VIEW_CONE_DEG, check_cone};
 use relief_base::OutOfRange;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,9 @@ pub struct LensPanel {
     /// Whether the views behind a lens go from right to left.
     #[serde(default)]
     pub is_reversed: bool,
+    /// The angle between the outermost views, degrees; `None` leaves it to the settings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view_cone_deg: Option<f64>,
 }
 
 /// The order of the thirds of a pixel, from the left.
@@ -49,8 +53,8 @@ pub enum Subpixels {
 pub enum PanelError {
     /// It is neither form of JSON.
     #[error(
-        "the file describes no panel: {0}; allowed: pitch_px with slant, center, subpixels and is_reversed, \
-         or the calibration of a Looking Glass"
+        "the file describes no panel: {0}; allowed: pitch_px with slant, center, subpixels, is_reversed and \
+         view_cone_deg, or the calibration of a Looking Glass"
     )]
     Format(#[from] serde_json::Error),
     /// A value is out of range.
@@ -70,7 +74,14 @@ pub enum PanelError {
 impl Default for LensPanel {
     /// Lenses over five pixels, slanted by a third of a pixel a line: a common panel.
     fn default() -> Self {
-        Self { pitch_px: 5.0, slant: 0.333, center: 0.0, subpixels: Subpixels::Rgb, is_reversed: false }
+        Self {
+            pitch_px: 5.0,
+            slant: 0.333,
+            center: 0.0,
+            subpixels: Subpixels::Rgb,
+            is_reversed: false,
+            view_cone_deg: None,
+        }
     }
 }
 
@@ -106,7 +117,7 @@ impl LensPanel {
                 let allowed = format!("{} to {}", allowed.start(), allowed.end());
                 Err(OutOfRange::new(key, value, allowed))
             }
-            None => Ok(()),
+            None => self.view_cone_deg.map_or(Ok(()), |cone_deg| check_cone("view_cone_deg", cone_deg)),
         }
     }
 
@@ -141,6 +152,8 @@ struct LookingGlass {
     #[serde(rename = "DPI")]
     dots_per_inch: Value,
     screen_h: Value,
+    #[serde(default)]
+    view_cone: Option<Value>,
     #[serde(default)]
     inv_view: Option<Value>,
     #[serde(default)]
@@ -177,6 +190,7 @@ impl LookingGlass {
             center: (self.center.value - shift_px / pitch_px).rem_euclid(1.0),
             subpixels: if is_set(self.flip_subp, false) { Subpixels::Bgr } else { Subpixels::Rgb },
             is_reversed: is_set(self.inv_view, true),
+            view_cone_deg: Some(self.view_cone.map_or(USUAL_VIEW_CONE_DEG, |cone| cone.value)),
         })
     }
 }

@@ -47,6 +47,16 @@ pub struct TrueViews {
     pub difference_px: f64,
 }
 
+impl TrueViews {
+    /// The eye separations between the outermost cameras that see the middle of the screen under this
+    /// angle from each other, degrees; 0 where every eye sees the same.
+    #[must_use]
+    pub fn span_of_cone(&self, cone_deg: f64) -> f64 {
+        let between_mm = 2.0 * (cone_deg.to_radians() / 2.0).tan() * self.converging_mm;
+        if self.baseline_mm == 0.0 { 0.0 } else { between_mm / self.baseline_mm }
+    }
+}
+
 impl Parallax {
     /// The parallax on a display of this profile, for pictures of `width_px` across the whole
     /// screen, with the header's factor and offset.

@@ -205,7 +205,8 @@ pub(crate) fn place(disparity: &[u8], shifts: &[i32; 256], spans: &mut Vec<Span>
         let at = pixel as i32 * UNIT;
         spans.push(Span { from: at + left, to: at + UNIT + right, pixel, disparity });
     }
-    spans.sort_unstable_by_key(|span| (span.from, span.pixel));
+    // They are in order but at edges of depth, which this sort uses. It keeps the order of equals.
+    spans.sort_by_key(|span| span.from);
 }
 
 /// The visible parts of the spans within a line of `width` pixels: always the nearest span.
@@ -215,16 +216,30 @@ pub(crate) fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: 
     let end = width as i32 * UNIT;
     let (mut x, mut next) = (0, 0);
     while x < end {
+        active.retain(|span| span.to > x);
+        if active.is_empty()
+            && let Some(alone) = alone(spans, next, x)
+        {
+            x = alone.to.min(end);
+            pieces.push(LinePiece { to: x, pixel: Some(alone.pixel) });
+            next += 1;
+            continue;
+        }
         while let Some(span) = spans.get(next).filter(|span| span.from <= x) {
-            active.push(*span);
+            active.extend((span.to > x).then_some(*span));
             next += 1;
         }
-        active.retain(|span| span.to > x);
         let coming = spans.get(next).map_or(end, |span| span.from.min(end));
         let nearest = active.iter().max_by_key(|span| span.disparity);
         x = nearest.map_or(coming, |span| span.to.min(coming));
         pieces.push(LinePiece { to: x, pixel: nearest.map(|span| span.pixel) });
     }
+}
+
+/// The next span, where it begins at or before `x` and ends before another one begins: most do.
+fn alone(spans: &[Span], next: usize, x: i32) -> Option<&Span> {
+    let span = spans.get(next).filter(|span| span.from <= x && x < span.to)?;
+    spans.get(next + 1).is_none_or(|other| span.to <= other.from).then_some(span)
 }
 
 /// The content of a hole without a background layer.

@@ -252,7 +252,7 @@ impl ViewFrame {
 
 /// The colours of pictures, one below the other.
 fn colors(pictures: &[Picture<'_>]) -> Vec<[u8; 4]> {
-    pictures.iter().flat_map(|picture| picture.color()).copied().collect()
+    pictures.iter().flat_map(Picture::color).copied().collect()
 }
 
 /// The cell of a key; adds one if the key is new.

@@ -49,7 +49,7 @@ export function outputOf(parameters) {
   if (!output) throw new Error(`output is ${name.slice(0, 40)}; allowed: frame, ${Object.keys(OUTPUTS).join(", ")}`);
   const whole = ([views]) => Number.isInteger(views) && views >= 2 && views <= MOST_VIEWS;
   const [views] = output.views > 2 ? numbersOf(parameters, "views", [output.views], whole, `2 to ${MOST_VIEWS}`) : [output.views];
-  const [span] = numbersOf(parameters, "span", [views > 2 ? 2 : 1], ([n]) => n >= 0 && n <= 18, "0 to 18 eye separations");
+  const [span] = numbersOf(parameters, "span", [views > 2 ? 2 : 1], ([n]) => n >= 0 && n <= 60, "0 to 60 eye separations");
   const [eye] = numbersOf(parameters, "eye", [0], ([n]) => Math.abs(n) <= 16, "-16 to 16 eye separations from the middle");
   const [inches] = numbersOf(parameters, "inches", [0], ([n]) => n > 1 && n < 1000, "1 to 1000");
   const [distance] = numbersOf(parameters, "distance", [0], ([mm]) => mm >= 50 && mm <= 20000, "50 to 20000 mm");
