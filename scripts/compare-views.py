@@ -34,7 +34,7 @@ CONDITIONS = [
 #: scripts/compare-depth compares with depth for views.
 RAYS = ["--depth-rule", "threshold"]
 METHODS = {
-    "one layer": RAYS, "clear-edge": [*RAYS, "--depth-filter", "clear-edge"], "two layers": ["--depth-rule", "two-layer"],
+    "one layer": RAYS, "two layers": ["--depth-rule", "two-layer"],
     "interpolated": [*RAYS, "--views", "interpolated"], "refined": [*RAYS, "--views", "refined"],
 }
 

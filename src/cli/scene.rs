@@ -93,7 +93,7 @@ pub(super) struct SceneArguments {
     /// is_reversed and view_cone_deg, or the calibration of a Looking Glass
     #[arg(long, value_name = "FILE.json")]
     panel: Option<PathBuf>,
-    /// Filter for depth in frames: none, median-3, median-5, clear-edge
+    /// Filter for depth in frames: none, median-3, median-5
     #[arg(long, value_name = "NAME", value_parser = parse_depth_filter)]
     depth_filter: Option<DepthFilter>,
     /// View depths between which disparity is spread: those of the visible surfaces, those of the

@@ -1,4 +1,4 @@
-//! Depth filters: outliers, edges, values that were there before, and the same numbers as numpy and
+//! Depth filters: outliers, values that were there before, and the same numbers as numpy and
 //! VTK have.
 //!
 //! With `RELIEF_PEERS_PYTHON` unset the comparison with the peers says that it skipped.
@@ -17,7 +17,7 @@ const OBJECT: [u8; 4] = [220, 190, 160, 255];
 const GROUND: [u8; 4] = [20, 30, 60, 255];
 
 fn filtered(filter: DepthFilter, size_px: [u32; 2], color: &[[u8; 4]], depth_mm: &[f32]) -> Vec<f32> {
-    filter.apply(&Picture::new(size_px, color, depth_mm).unwrap(), LIMITS).into_owned()
+    filter.apply(&Picture::new(size_px, color, depth_mm).unwrap()).into_owned()
 }
 
 fn gray(filter: DepthFilter, size_px: [u32; 2], depth_mm: &[f32]) -> Vec<f32> {
@@ -64,10 +64,6 @@ fn straight_edges_and_slopes_stay_where_they_are() {
         };
         assert_eq!(inner(&gray(filter, size, &slope)), inner(&slope), "{filter}");
     }
-    // A slope is no edge, however far it goes: 5 mm a pixel is below 1/64 of 800 mm even from
-    // corner to corner.
-    let long = picture(size, |x, y| 300.0 + x as f32 * 5.0 + y as f32);
-    assert_eq!(gray(DepthFilter::ClearEdge, size, &long), long);
 }
 
 /// A disc of another colour before a background, and its depth moved to the right by some pixels.
@@ -81,75 +77,6 @@ fn misaligned_disc(shift: i32) -> (Vec<[u8; 4]>, Vec<f32>) {
     let color = picture([64, 64], |x, y| noisy(if inside(x, y) { OBJECT } else { GROUND }, x, y));
     let depth = picture([64, 64], |x, y| if inside(x - shift, y) { 300.0 } else { MISS });
     (color, depth)
-}
-
-/// Pixels of the disc's colour that do not have its depth, and those of the ground that have it, at
-/// this distance.
-fn wrong_pixels(color: &[[u8; 4]], depth: &[f32]) -> (usize, usize) {
-    let is_object = |color: &[u8; 4]| color[0] > 128;
-    let pairs = || color.iter().zip(depth);
-    let torn = pairs().filter(|(color, mm)| is_object(color) && **mm != 300.0).count();
-    let stuck = pairs().filter(|(color, mm)| !is_object(color) && **mm == 300.0).count();
-    (torn, stuck)
-}
-
-#[test]
-fn clear_edge_moves_depth_edges_onto_colour_edges() {
-    let outline = (2.0 * std::f64::consts::PI * 18.0) as usize;
-    for shift in [-2, -1, 0, 1, 2] {
-        let (color, depth) = misaligned_disc(shift);
-        let before = wrong_pixels(&color, &depth);
-        let after = wrong_pixels(&color, &filtered(DepthFilter::ClearEdge, [64, 64], &color, &depth));
-        println!("moved by {shift} px: {before:?} wrong pixels before, {after:?} after, outline {outline}");
-        assert_eq!(after.0, 0, "no pixel of the object is torn off");
-        // Two pixels wider all around and not more: a ring between the circles of 18 and some 20
-        // pixels.
-        assert!((outline..=3 * outline).contains(&after.1), "{} pixels of ground are widened over", after.1);
-        if shift != 0 {
-            assert!(before.0 > outline / 4 && before.1 > outline / 4, "the test has something to mend");
-        }
-    }
-}
-
-/// The interpolation of a display: the depth at every quarter of a pixel, linear between the
-/// middles of pixels.
-fn interpolated(depth: &[f32], x: i32, y: i32) -> f64 {
-    let (u, v) = (f64::from(x) / 4.0, f64::from(y) / 4.0);
-    let at = |x: f64, y: f64| {
-        let mm = depth[y as usize * 64 + x as usize];
-        f64::from(if mm.is_finite() { mm } else { 900.0 })
-    };
-    let (x, y, fx, fy) = (u.floor(), v.floor(), u.fract(), v.fract());
-    let row = |y: f64| at(x, y) * (1.0 - fx) + at(x + 1.0, y) * fx;
-    row(y) * (1.0 - fy) + row(y + 1.0) * fy
-}
-
-#[test]
-fn interpolated_depth_never_smears_the_object() {
-    let (color, depth) = misaligned_disc(0);
-    let smeared = |depth: &[f32]| {
-        let mut count = 0;
-        for (x, y) in (0..63 * 4).flat_map(|x| (0..63 * 4).map(move |y| (x, y))) {
-            let nearest_pixel = color[((y + 2) / 4 * 64 + (x + 2) / 4) as usize];
-            count += usize::from(nearest_pixel[0] > 128 && interpolated(depth, x, y) != 300.0);
-        }
-        count
-    };
-    assert!(smeared(&depth) > 300, "{} points of the outline are smeared without a filter", smeared(&depth));
-    let clear = filtered(DepthFilter::ClearEdge, [64, 64], &color, &depth);
-    assert_eq!(smeared(&clear), 0);
-}
-
-#[test]
-fn clear_edge_keeps_the_object_whole_and_the_rest_as_it_was() {
-    let (color, depth) = misaligned_disc(0);
-    let clear = filtered(DepthFilter::ClearEdge, [64, 64], &color, &depth);
-    for (i, (before, after)) in depth.iter().zip(&clear).enumerate() {
-        let from_center = ((i % 64) as f64 - 32.0).hypot((i / 64) as f64 - 32.0);
-        if !(12.0..=24.0).contains(&from_center) {
-            assert_eq!(before, after, "pixel {i} is not near the outline");
-        }
-    }
 }
 
 #[test]
@@ -194,7 +121,7 @@ fn names_come_back_and_others_are_refused_with_all_names() {
     }
     let error =
         serde_json::from_str::<DisplaySettings>(r#"{"depth_filter": "blur"}"#).unwrap_err().to_string();
-    for name in ["blur", "none", "median-3", "median-5", "clear-edge"] {
+    for name in ["blur", "none", "median-3", "median-5"] {
         assert!(error.contains(name), "{error}");
     }
 }
@@ -229,7 +156,7 @@ proptest! {
         let (color, mut depth) = noise(seed, [width, height]);
         let at = unknown.index(depth.len());
         depth[at] = f32::NAN;
-        for filter in [DepthFilter::Median3, DepthFilter::Median5, DepthFilter::ClearEdge] {
+        for filter in [DepthFilter::Median3, DepthFilter::Median5] {
             let out = filtered(filter, [width, height], &color, &depth);
             prop_assert_eq!(out.len(), depth.len());
             prop_assert!(out.iter().all(|mm| depth.contains(mm) || *mm == MISS), "{}", filter);
@@ -243,7 +170,7 @@ proptest! {
         let (color, depth) = noise(seed, [width, height]);
         let turned: Vec<f32> = depth.iter().rev().copied().collect();
         let turned_color: Vec<_> = color.iter().rev().copied().collect();
-        for filter in [DepthFilter::Median3, DepthFilter::Median5, DepthFilter::ClearEdge] {
+        for filter in [DepthFilter::Median3, DepthFilter::Median5] {
             let mut out = filtered(filter, [width, height], &turned_color, &turned);
             out.reverse();
             prop_assert_eq!(out, filtered(filter, [width, height], &color, &depth), "{}", filter);
@@ -260,10 +187,8 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkImagingGeneral import vtkImageMedian3D
 width, height = int(sys.argv[1]), int(sys.argv[2])
-near, far = 100.0, 900.0
 data = sys.stdin.buffer.read()
-color = np.frombuffer(data, np.uint8, width * height * 4).reshape(height, width, 4)[:, :, :3].astype(int)
-depth = np.frombuffer(data, '<f4', width * height, width * height * 4).reshape(height, width)
+depth = np.frombuffer(data, '<f4').reshape(height, width)
 
 def windows(plane, reach):
     pad = [(reach, reach), (reach, reach)] + [(0, 0)] * (plane.ndim - 2)
@@ -274,25 +199,6 @@ def windows(plane, reach):
 def median(reach):
     side = 2 * reach + 1
     return np.median(windows(depth, reach).reshape(height, width, side * side), axis=2).astype('<f4')
-
-def edge(a, b):
-    shown = lambda mm: np.clip(mm, near, far)
-    return shown(b) - shown(a) > (far - near) / 64
-
-def clear_edge():
-    around = windows(depth, 4).reshape(height, width, 81)
-    colors = windows(color, 4).reshape(height, width, 3, 81)
-    difference = np.abs(colors - color[..., None]).sum(axis=2)
-    weight = np.round(65535 * np.exp(-0.5 * (difference / 30.0) ** 2)).astype(np.int64)
-    order = np.argsort(around, axis=2, kind='stable')
-    sums = np.take_along_axis(weight, order, axis=2).cumsum(axis=2)
-    at = (2 * sums >= sums[:, :, -1:]).argmax(axis=2)
-    middle = np.take_along_axis(np.take_along_axis(around, order, axis=2), at[:, :, None], axis=2)[:, :, 0]
-    three = windows(depth, 1)
-    near_edge = windows(edge(three.min(axis=(2, 3)), three.max(axis=(2, 3))), 4).any(axis=(2, 3))
-    aligned = np.where(near_edge, middle, depth)
-    nearest = windows(aligned, 2).min(axis=(2, 3))
-    return np.where(near_edge & edge(nearest, aligned), nearest, aligned).astype('<f4')
 
 def vtk_median():
     image = vtkImageData()
@@ -308,7 +214,7 @@ def vtk_median():
 three = median(1)
 inside = (slice(1, -1), slice(1, -1))
 assert np.array_equal(vtk_median()[inside], three[inside]), 'VTK and numpy disagree'
-for plane in (three, median(2), clear_edge()):
+for plane in (three, median(2)):
     sys.stdout.buffer.write(plane.tobytes())
 ";
 
@@ -326,14 +232,13 @@ fn numpy_and_vtk_have_the_same_numbers() {
         let mut command = Command::new(&python);
         command.arg("-c").arg(PEERS).args(&arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
-        let bytes: Vec<u8> =
-            color.iter().flatten().copied().chain(depth.iter().flat_map(|mm| mm.to_le_bytes())).collect();
+        let bytes: Vec<u8> = depth.iter().flat_map(|mm| mm.to_le_bytes()).collect();
         child.stdin.take().unwrap().write_all(&bytes).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success(), "the peers failed; see above");
         let planes: Vec<f32> =
             output.stdout.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-        let filters = [DepthFilter::Median3, DepthFilter::Median5, DepthFilter::ClearEdge];
+        let filters = [DepthFilter::Median3, DepthFilter::Median5];
         for (filter, peer) in filters.into_iter().zip(planes.chunks_exact(depth.len())) {
             let own = filtered(filter, size, &color, &depth);
             let apart = own.iter().zip(peer).filter(|(own, peer)| own != peer).count();

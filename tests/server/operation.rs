@@ -201,7 +201,7 @@ async fn presets_and_layouts_are_listed() {
     assert!(listed["layouts"].as_array().unwrap().contains(&json!("wowvx")));
     assert_eq!(listed["depth_rules"], json!(relief_render::DepthRule::names()));
     assert_eq!(listed["lights"], json!(relief_render::Lighting::ALL.map(|lighting| lighting.name)));
-    assert_eq!(listed["depth_filters"], json!(["none", "median-3", "median-5", "clear-edge"]));
+    assert_eq!(listed["depth_filters"], json!(["none", "median-3", "median-5"]));
 }
 
 #[tokio::test]

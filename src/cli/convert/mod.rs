@@ -55,7 +55,7 @@ pub(super) struct ConvertArguments {
     /// Disparity on the plane of the screen, 0 to 255
     #[arg(long, value_name = "0..255", default_value_t = 128)]
     offset: u8,
-    /// Filter for depth in frames: none, median-3, median-5, clear-edge
+    /// Filter for depth in frames: none, median-3, median-5
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = depth_filter)]
     depth_filter: DepthFilter,
     /// Pictures per second of a film from a folder

@@ -1,20 +1,17 @@
 //! Depth filters: applied to a picture's view depth before it becomes Z or D.
 //!
-//! A median against single outliers, and `clear-edge` for 2D-plus-depth displays. Filters do not
-//! change measurements: picks, OpenEXR and raw depth contain the depth as rendered; only frames are
-//! filtered.
+//! Medians against outliers. Filters do not change measurements: picks, OpenEXR and raw depth contain
+//! the depth as rendered; only frames are filtered.
 //!
 //! | filter | a pixel's depth becomes |
 //! |---|---|
 //! | `none` | unchanged |
 //! | `median-3`, `median-5` | the median of the 3x3 or 5x5 pixels around it |
-//! | `clear-edge` | near depth edges the median of pixels of its own colour, and then the foreground is widened by two pixels |
 //!
 //! View depth in mm, in rows from the top left; a miss is `+inf` and so the farthest of all. Pixels
 //! beyond the picture's border are those on it. Every filter gives values that were there before:
 //! none is made up.
 
-mod clear_edge;
 mod grounded;
 mod median;
 mod padded;
@@ -24,7 +21,6 @@ use std::borrow::Cow;
 use super::layout::Picture;
 pub use grounded::grounded_depth;
 use padded::miss_if_unknown;
-use relief_base::DepthLimits;
 
 /// The filter of depth before it becomes Z or D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -39,21 +35,11 @@ pub enum DepthFilter {
     /// The median of 5x5 pixels: removes specks of up to twelve pixels.
     #[serde(rename = "median-5")]
     Median5,
-    /// Depth edges move onto colour edges, and the foreground grows by [`DepthFilter::WIDENED_PX`].
-    #[serde(rename = "clear-edge")]
-    ClearEdge,
 }
 
 impl DepthFilter {
     /// All of them, in the order of lists shown to users.
-    pub const ALL: [Self; 4] = [Self::None, Self::Median3, Self::Median5, Self::ClearEdge];
-
-    /// The width by which `clear-edge` widens the foreground at depth edges, pixels.
-    pub const WIDENED_PX: usize = clear_edge::WIDENED_PX;
-
-    /// The reach of `clear-edge`, pixels to each side: depth edges that are up to half as far from
-    /// their colour edge are moved onto it.
-    pub const REACH_PX: usize = clear_edge::REACH_PX;
+    pub const ALL: [Self; 3] = [Self::None, Self::Median3, Self::Median5];
 
     /// The name in requests and on the command line.
     #[must_use]
@@ -62,7 +48,6 @@ impl DepthFilter {
             Self::None => "none",
             Self::Median3 => "median-3",
             Self::Median5 => "median-5",
-            Self::ClearEdge => "clear-edge",
         }
     }
 
@@ -72,15 +57,13 @@ impl DepthFilter {
         Self::ALL.into_iter().find(|filter| filter.name() == name)
     }
 
-    /// View depth of every pixel after this filter, mm; `+inf` for a miss. `limits` say which steps
-    /// are edges.
+    /// View depth of every pixel after this filter, mm; `+inf` for a miss.
     #[must_use]
-    pub fn apply<'a>(self, picture: &Picture<'a>, limits: DepthLimits) -> Cow<'a, [f32]> {
+    pub fn apply<'a>(self, picture: &Picture<'a>) -> Cow<'a, [f32]> {
         match self {
             Self::None => Cow::Borrowed(picture.depth_mm()),
             Self::Median3 => Cow::Owned(median::median::<3, 9>(&known(picture.depth_mm()), width(picture))),
             Self::Median5 => Cow::Owned(median::median::<5, 25>(&known(picture.depth_mm()), width(picture))),
-            Self::ClearEdge => Cow::Owned(clear_edge::clear_edge(picture, limits)),
         }
     }
 }

@@ -11,7 +11,7 @@ impl FrameEncoder {
     /// background layer is a separate picture.
     #[must_use]
     pub fn disparity(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u8> {
-        self.disparity_of(&self.filter.apply(picture, limits), limits)
+        self.disparity_of(&self.filter.apply(picture), limits)
     }
 
     /// D of view depths in mm, not filtered: scaled between the limits and mapped by the display's
@@ -27,7 +27,7 @@ impl FrameEncoder {
     #[must_use]
     pub fn scaled16(&self, picture: &Picture<'_>, limits: DepthLimits) -> Vec<u16> {
         let gray = |&mm: &f32| ((1.0 - limits.scaled(ViewDepth(mm)).0) * 65535.0).round() as u16;
-        self.filter.apply(picture, limits).iter().map(gray).collect()
+        self.filter.apply(picture).iter().map(gray).collect()
     }
 
     /// Packs colour and disparity that are known already, such as those that came over a network:
