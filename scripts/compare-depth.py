@@ -36,6 +36,19 @@ def one_layer(frame, path, layout, span):
     return numpy.asarray(Image.open(path).convert("RGB")).astype(numpy.float32)
 
 
+def flicker_db(series, preset):
+    """How calm the left of nine views is in a turntable of 1 degree a frame: PSNR of its errors in one frame to those in the next."""
+    errors = {rule: [] for rule in RULES}
+    for azimuth in range(25, 29):
+        base = ["--series", series, "--preset", preset, "--azimuth-deg", str(azimuth), "--elevation-deg", "10", "--size", f"{WIDTH}x{HEIGHT}"]
+        base += ["--layout", "views-2x1", "--view-span", "4", "--depth-range", "volume"]
+        true, _ = rendered(FOLDER / "true.png", *base, "--views", "true")
+        for rule in RULES:
+            errors[rule].append(rendered(FOLDER / "made.png", *base, "--depth-rule", rule)[0] - true)
+    steps = {rule: [((now - before) ** 2).mean() for before, now in zip(all, all[1:])] for rule, all in errors.items()}
+    return [round(float(10 * numpy.log10(255**2 / statistics.mean(steps[rule]))), 2) for rule in RULES]
+
+
 def psnr_of_outer(true, made):
     """The mean over the views but for the middle one, which is the picture itself."""
     count = true.shape[1] // WIDTH
@@ -58,6 +71,7 @@ def main():
                 made = [one_layer(frame[rule], FOLDER / "made.png", layout, span) for rule in RULES]
                 made.append(rendered(FOLDER / "made.png", *views, "--depth-rule", "views")[0])
                 row[condition] = [round(float(psnr_of_outer(true, views)), 2) for views in made]
+            row["turning by 1°"] = flicker_db(series, preset)
             times = [statistics.median(frame[rule][1]["render_ms"] for frame in frames) for rule in range(2)]
             row["ms"] = [round(ms) for ms in times]
             rays, views = (frame for frame, _ in frames[0])
@@ -67,7 +81,7 @@ def main():
     (FOLDER / "depth.json").write_text(json.dumps(found, indent=1))
     picture = Image.fromarray(numpy.concatenate(sheet).astype(numpy.uint8))
     picture.resize((3 * WIDTH // 3, len(sheet) * HEIGHT // 3), Image.LANCZOS).save(FOLDER / "depth.jpg", quality=88)
-    names = [condition for condition, *_ in CONDITIONS]
+    names = [condition for condition, *_ in CONDITIONS] + ["turning by 1°"]
     rows += ["| series, preset | " + " | ".join(names) + " | time |", "|---|" + "---|" * (len(names) + 1)]
     for row in found:
         cells = [" → ".join(f"{db:.1f}" for db in row[name]) for name in names]

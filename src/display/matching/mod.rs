@@ -8,7 +8,8 @@
 //!
 //! 1. [`costs`]: the difference of colours for each pixel and each of [`LEVELS`] disparities;
 //! 2. [`paths`]: the sum of those and of jumps along paths from four directions;
-//! 3. [`enlarge`]: the disparity of every pixel from those of every second one, along colours.
+//! 3. [`enlarge`]: the disparity of every pixel from those of every second one, along colours;
+//! 4. [`near_ray`]: where that is nearly the disparity of the ray, it is that of the ray.
 //!
 //! [`hidden_layer`] then collects what those views show and the picture does not.
 //!
@@ -37,6 +38,9 @@ const STRIP_ROWS: usize = 256;
 /// Rows before and behind a strip that its paths begin in.
 const OVERLAP_ROWS: usize = 32;
 
+/// Disparities between the found one and that of a ray, up to which both are the same: one level.
+const SAME: f32 = 8.0;
+
 /// Width of the background that is compared beside an outline, in places of every second pixel.
 const OUTLINE: usize = 8;
 
@@ -47,7 +51,8 @@ pub fn side_size_px([width, height]: [u32; 2]) -> [u32; 2] {
 }
 
 /// The disparity (0 to 255) of every pixel of a picture, in rows from the top. `rays` are the
-/// disparities of the rays: they decide on smooth opaque surfaces without texture.
+/// disparities of the rays: they decide on smooth opaque surfaces without texture, and count where both
+/// are nearly equal.
 ///
 /// # Panics
 /// When the pictures do not fill their sizes.
@@ -72,7 +77,19 @@ pub fn disparity_for_views(
         let kept = first..(first + STRIP_ROWS).min(rows);
         sparse.extend(strip(&picture, sides, parallax, kept, rows));
     }
-    enlarge::enlarge(size_px, color, &sparse)
+    let mut found = enlarge::enlarge(size_px, color, &sparse);
+    found.par_iter_mut().zip(rays).for_each(|(found, ray)| *found = near_ray(*found, f32::from(*ray)));
+    found
+}
+
+/// The disparity of a ray where the found one is within [`SAME`] of it, the found one from twice that
+/// on, and between both in between.
+///
+/// There both mean the same surface. That of the ray is exact, steady in time, and where overlays on
+/// the surface are drawn; the found one has the noise of its levels.
+fn near_ray(found: f32, ray: f32) -> f32 {
+    let apart = found - ray;
+    ray + apart * (apart.abs() / SAME - 1.0).clamp(0.0, 1.0)
 }
 
 /// The disparities of these rows of every second pixel.

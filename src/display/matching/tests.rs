@@ -142,6 +142,28 @@ fn the_hidden_layer_is_what_the_plate_hides_beside_its_edges() {
     assert!(mean < 6.0, "colours differ by {mean} in the mean");
 }
 
+/// Invariant: Rule `views` keeps the disparity of the rays where it finds nearly the same.
+#[test]
+fn nearly_the_disparity_of_the_rays_is_theirs() {
+    let size_px = [640, 80];
+    let parallax = parallax(size_px[0]);
+    let views = Views::of(size_px, |x, y, eye| texture(x - parallax.shift_px(Disparity(120.0), eye), y, 0.0));
+    let [left, right] = &views.sides;
+    let sides = [SideView { eye: -EYE, color: left }, SideView { eye: EYE, color: right }];
+    for (ray, expected, most) in [(117, 117.0, 0.0), (123, 123.0, 0.0), (160, 120.0, 6.0)] {
+        // Every second row is of another disparity, so that no smooth surface is preferred.
+        let rays: Vec<u8> = (0..640 * 80).map(|at| if at / 640 % 2 == 0 { ray } else { 255 }).collect();
+        let found = disparity_for_views(size_px, &views.picture, &rays, &sides, &parallax);
+        let share = wrong(&found, size_px[0], most, |_, y| (y % 2 == 0).then_some(expected));
+        assert!(share < 0.02, "{share} of the pixels with rays at {ray}");
+    }
+    for (apart, kept) in
+        [(0.0, 0.0), (8.0, 0.0), (-8.0, 0.0), (12.0, 6.0), (-12.0, -6.0), (16.0, 16.0), (99.0, 99.0)]
+    {
+        assert_eq!(near_ray(100.0 + apart, 100.0), 100.0 + kept);
+    }
+}
+
 #[test]
 fn strips_leave_no_seams() {
     let size_px = [120, 1201];
