@@ -16,6 +16,8 @@ PRESETS = {
     "lidc-idri-0314": ["skin-and-bone", "bone"], "crlm-ct-1004": ["kidneys", "bone"], "totalseg-abdomen-j2k": ["skin-and-bone"],
     "sts-001-thigh": ["skin-and-bone", "skin"],
 }
+#: Shown as animations.
+WIGGLED = {"lidc-idri-0314": ["skin-and-bone"], "crlm-ct-1004": ["kidneys"]}
 WIDTH, HEIGHT = 960, 540
 #: Name, layout, eye separations from the first to the last view.
 CONDITIONS = [("nine views over 4", "views-9x1", 4), ("a pair of eyes", "views-2x1", 1), ("nine views, ±17°", "views-9x1", 17.9)]
@@ -34,6 +36,18 @@ def one_layer(frame, path, layout, span):
     options = ["--layout", layout, "--view-span", str(span), "--profile", "philips-42"]
     subprocess.run([PROGRAM, "preview", frame, *options, "--out", path], check=True, capture_output=True)
     return numpy.asarray(Image.open(path).convert("RGB")).astype(numpy.float32)
+
+
+def wiggle(path, cases):
+    """An animation of every second view of each case, by both rules beside each other, forwards and backwards."""
+    rows = []
+    for series, preset in cases:
+        views = ["--series", series, "--preset", preset, "--azimuth-deg", "25", "--elevation-deg", "10", "--size", "300x216"]
+        views += ["--layout", "views-9x1", "--view-span", "4"]
+        rows.append([rendered(FOLDER / "made.png", *views, "--depth-rule", rule)[0].reshape(216, 9, 300, 3) for rule in RULES])
+    frames = [numpy.concatenate([numpy.concatenate([rule[:, view] for rule in row], axis=1) for row in rows]) for view in range(0, 9, 2)]
+    pictures = [Image.fromarray(frame.astype(numpy.uint8)).quantize(64, dither=Image.Dither.NONE) for frame in frames + frames[-2:0:-1]]
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=150, loop=0, optimize=True)
 
 
 def flicker_db(series, preset):
@@ -81,6 +95,9 @@ def main():
     (FOLDER / "depth.json").write_text(json.dumps(found, indent=1))
     picture = Image.fromarray(numpy.concatenate(sheet).astype(numpy.uint8))
     picture.resize((3 * WIDTH // 3, len(sheet) * HEIGHT // 3), Image.LANCZOS).save(FOLDER / "depth.jpg", quality=88)
+    wiggled = [(case, preset) for case in sys.argv[3:] for preset in WIGGLED.get(case.split("=", 1)[0], [])]
+    if wiggled:
+        wiggle(FOLDER / "wiggle.gif", [(case.split("=", 1)[1], preset) for case, preset in wiggled])
     names = [condition for condition, *_ in CONDITIONS] + ["turning by 1°"]
     rows += ["| series, preset | " + " | ".join(names) + " | time |", "|---|" + "---|" * (len(names) + 1)]
     for row in found:

@@ -1,10 +1,11 @@
-//! `relief preview --against-true`: compares the views of a frame with rendered ones.
+//! `--against-true` of `relief preview` and `relief inspect`: compares the views of a frame with
+//! rendered ones.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use crate::inspect::frame::read_bounded;
+use crate::frame_file::read_bounded;
 use crate::output::write_whole;
 use relief_display::{Frame, Layout, Pixels, Views, decode_wiggle, encode_png, psnr_db, read_png};
 
@@ -12,7 +13,7 @@ use relief_display::{Frame, Layout, Pixels, Views, decode_wiggle, encode_png, ps
 const WHITE: f64 = 64.0;
 
 /// The options of the comparison.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub(crate) struct AgainstTrue {
     /// Compare the views with rendered ones and print the signal-to-noise ratio of each. TRUE.png is the
     /// output of relief render --views true, with the same layout and --view-span
@@ -34,12 +35,29 @@ pub(crate) struct Likeness {
 }
 
 impl AgainstTrue {
+    /// Refuses the options where nothing has views.
+    pub(crate) fn refuse(&self, reason: &str) -> anyhow::Result<()> {
+        if self.against_true.is_some() {
+            bail!("--against-true {reason}");
+        }
+        Ok(())
+    }
+
     /// Compares the views, where true ones are given, and writes the map.
     pub(crate) fn compare(&self, views: &Views) -> anyhow::Result<Option<Likeness>> {
+        self.compare_made(|_| Ok(views.clone()))
+    }
+
+    /// Compares the views that `make` makes in the layout of the true ones, where those are given, and
+    /// writes the map.
+    pub(crate) fn compare_made(
+        &self,
+        make: impl FnOnce(Layout) -> anyhow::Result<Views>,
+    ) -> anyhow::Result<Option<Likeness>> {
         let Some(path) = &self.against_true else { return Ok(None) };
-        let truth = true_views(path).with_context(|| format!("cannot compare with {}", path.display()))?;
-        let likeness =
-            Likeness::of(&truth, views).with_context(|| format!("cannot compare with {}", path.display()))?;
+        let cannot = || format!("cannot compare with {}", path.display());
+        let (layout, truth) = true_views(path).with_context(cannot)?;
+        let likeness = Likeness::of(&truth, &make(layout)?).with_context(cannot)?;
         if let Some(map) = &self.map {
             let frame = Frame::new(likeness.size_px, Pixels::Rgb8(likeness.map.clone()))?;
             write_whole(map, &encode_png(&frame)?)?;
@@ -48,16 +66,17 @@ impl AgainstTrue {
     }
 }
 
-fn true_views(path: &Path) -> anyhow::Result<Views> {
+fn true_views(path: &Path) -> anyhow::Result<(Layout, Views)> {
     let file = read_bounded(path)?;
     let (frame, report) = read_png(&file)?;
     if report.layout == Layout::Wiggle {
-        return Ok(decode_wiggle(&file)?);
+        return Ok((report.layout, decode_wiggle(&file)?));
     }
     let decoded = report.layout.decode(&frame).ok().and_then(|decoded| decoded.views);
-    decoded.with_context(|| {
+    let views = decoded.with_context(|| {
         format!("it has no views (layout {}): relief render --views true makes them", report.layout)
-    })
+    })?;
+    Ok((report.layout, views))
 }
 
 impl Likeness {

@@ -21,6 +21,7 @@ mod convert;
 mod doctor;
 mod eye;
 mod features;
+mod frame_file;
 mod golden;
 mod headless;
 mod inspect;

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 
 use crate::against_true::AgainstTrue;
 use crate::choices::layouts;
-use crate::inspect::frame::read_bounded;
+use crate::frame_file::read_bounded;
 use crate::output::{print_json, say, write_whole};
 use crate::panel::panel_for;
 use crate::quilt;
@@ -88,18 +88,12 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
             layouts("allowed", |layout| layout.view_count() > 0)
         );
     }
-    if let Some(span) = arguments.view_span.filter(|span| !VIEW_SPANS.contains(span)) {
-        bail!(
-            "--view-span is {span}, allowed: {} to {} eye separations",
-            VIEW_SPANS.start(),
-            VIEW_SPANS.end()
-        );
-    }
+    check_span(arguments.view_span)?;
     let panel =
         arguments.panel.as_deref().map(|path| panel_for(*layout, path)).transpose()?.unwrap_or_default();
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let (views, factor_and_offset) =
-        views(arguments, *layout, &file).with_context(|| format!("cannot preview {}", path.display()))?;
+    let (views, factor_and_offset) = views(arguments.view_options(), *layout, &file)
+        .with_context(|| format!("cannot preview {}", path.display()))?;
     quilt::check_aspect(out, views.size_px())?;
     let likeness = arguments.against_true.compare(&views)?;
     write_whole(out, &encode_views(*layout, &views, &panel)?)?;
@@ -125,9 +119,37 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The views, and factor and offset where they were made of disparity.
-fn views(
-    arguments: &PreviewArguments,
+/// How views are made of a frame; what is `None` is what the frame says, or the default.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ViewOptions {
+    pub(crate) factor: Option<u8>,
+    pub(crate) offset: Option<u8>,
+    pub(crate) profile: Option<ProfileName>,
+    /// Eye separations between the outermost views.
+    pub(crate) view_span: Option<f64>,
+}
+
+impl PreviewArguments {
+    fn view_options(&self) -> ViewOptions {
+        let Self { factor, offset, profile, view_span, .. } = *self;
+        ViewOptions { factor, offset, profile, view_span }
+    }
+}
+
+/// Refuses a span that is out of range.
+pub(crate) fn check_span(view_span: Option<f64>) -> anyhow::Result<()> {
+    match view_span.filter(|span| !VIEW_SPANS.contains(span)) {
+        Some(span) => {
+            let [least, most] = [VIEW_SPANS.start(), VIEW_SPANS.end()];
+            bail!("--view-span is {span}, allowed: {least} to {most} eye separations")
+        }
+        None => Ok(()),
+    }
+}
+
+/// The views of a frame, and factor and offset where they were made of disparity.
+pub(crate) fn views(
+    options: ViewOptions,
     layout: Layout,
     file: &[u8],
 ) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
@@ -150,22 +172,22 @@ fn views(
             report.layout
         );
     };
-    let values = factor_and_offset(arguments, &report);
+    let values = factor_and_offset(options, &report);
     let usual =
         if report.layout == Layout::Wowvx4k { ProfileName::Dimenco4k } else { ProfileName::Philips42 };
-    let profile = DisplayProfile::named(arguments.profile.unwrap_or(usual));
+    let profile = DisplayProfile::named(options.profile.unwrap_or(usual));
     let parallax = Parallax::new(&profile, values[0], values[1], size_px[0]);
     layout.check_size(size_px)?;
-    let eyes = layout.eyes(arguments.view_span);
+    let eyes = layout.eyes(options.view_span);
     Ok((synthesize(size_px, &front, back.as_ref(), &parallax, &eyes)?, Some(values)))
 }
 
 /// Factor and offset: the given ones, else those that the header selects, else the defaults.
-fn factor_and_offset(arguments: &PreviewArguments, report: &FrameReport) -> [u8; 2] {
+fn factor_and_offset(options: ViewOptions, report: &FrameReport) -> [u8; 2] {
     let selected = report.select;
     let factor = report.factor.filter(|_| selected.is_some_and(|select| select.factor));
     let offset = report.offset.filter(|_| selected.is_some_and(|select| select.offset));
-    [arguments.factor.or(factor).unwrap_or(USUAL_FACTOR), arguments.offset.or(offset).unwrap_or(USUAL_OFFSET)]
+    [options.factor.or(factor).unwrap_or(USUAL_FACTOR), options.offset.or(offset).unwrap_or(USUAL_OFFSET)]
 }
 
 /// The views for a layout: all where it has as many, or the outermost two. A wiggle takes any

@@ -1,4 +1,4 @@
-//! `relief preview --against-true`, as users run it.
+//! `--against-true` of `relief preview` and `relief inspect`, as users run it.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::process::{Command, Output};
@@ -15,6 +15,14 @@ fn json_of(arguments: &[&str]) -> Value {
     let output = relief(&[arguments, &["--json"]].concat());
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(commands: &[(&[&str], &str)]) {
+    for (arguments, reason) in commands {
+        let output = relief(arguments);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && error.contains(reason), "{error}");
+    }
 }
 
 /// The views of a frame are compared with rendered ones of the same eyes: one number, and a picture of
@@ -61,6 +69,21 @@ fn views_of_a_frame_are_compared_with_true_ones() {
         let differs = truly.pictures().iter().zip(synthesised.pictures()).any(|(a, b)| a[at] != b[at]);
         assert!(differs || pixel.0 == [0; 3], "{x}, {y}");
     }
+
+    // relief inspect makes the views in the layout of the true ones.
+    let other_map = format!("{map}.inspect.png");
+    let against = ["inspect", &frame, "--against-true", &truth, "--view-span", "4", "--map", &other_map];
+    let inspected = json_of(&against);
+    assert_eq!((&inspected["against_true"], &inspected["layout"]), (found, &json!("rgbd")));
+    assert_eq!(std::fs::read(&other_map).unwrap(), std::fs::read(&map).unwrap());
+    let words = String::from_utf8(relief(&against).stdout).unwrap();
+    assert!(words.contains("problems  none\nlikeness  "), "{words}");
+    refused(&[
+        (&["inspect", &series, "--against-true", &truth][..], "--against-true is for 2D-plus-depth frames"),
+        (&["inspect", &frame, "--against-true", &frame], "it has no views (layout rgbd)"),
+        (&["inspect", &frame, "--against-true", &truth, "--view-span", "61"], "allowed: 0 to 60"),
+        (&["inspect", &frame, "--view-span", "4"], "--against-true"),
+    ]);
 
     std::fs::remove_file(&made).unwrap();
     for (truth, layout, reason) in [

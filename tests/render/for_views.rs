@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use serde_json::json;
 
 use crate::common;
-use relief_display::{Layout, psnr_db};
+use rayon::prelude::*;
+use relief_base::{DepthLimits, Disparity};
+use relief_display::{DecodedLayer, FrameEncoder, Layout, Parallax, Views, psnr_db, synthesize};
 use relief_render::{
     DepthRule, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile, Subject, eye_cameras, true_views,
 };
@@ -26,37 +28,168 @@ fn by(rule: DepthRule, scene: &Scene) -> RenderRequest {
     RenderRequest { depth: rule, ..scene.request.clone() }
 }
 
-/// Mean PSNR of the outer views to true ones, dB: made of a picture by the depth of rays, of one by rule
-/// `views` without its back layer, and with it.
-fn likeness(renderer: &mut Renderer, volume: &Volume, scene: &Scene) -> [f64; 3] {
-    let encoder = scene.display.encoder().unwrap();
-    let [rays, two] = RULES.map(|rule| renderer.render(volume, &by(rule, scene)).unwrap());
-    assert!(two.back.is_some());
-    let frames = [rays, RenderedFrame { back: None, ..two.clone() }, two];
-    let limits = frames[0].limits_for(&scene.display).unwrap();
-    let setup = true_views(&scene.display, &frames[0].camera, frames[0].size_px, limits).unwrap();
-    let cameras = eye_cameras(&setup, &frames[0].camera, &encoder.eyes()).unwrap();
-    let truth: Vec<Vec<[u8; 3]>> = cameras
-        .into_iter()
-        .map(|camera| {
-            let seen = renderer.render(volume, &scene.request.seen_by(camera)).unwrap();
-            seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect()
-        })
-        .collect();
-    frames.map(|frame| {
-        let views = encoder.views(&frame.picture().unwrap(), limits).unwrap();
-        let pairs = truth.iter().zip(views.pictures()).enumerate().filter(|(view, _)| *view != 4);
+/// Mean PSNR of the outer views to true ones, dB.
+#[derive(Clone, Copy, Debug)]
+struct Likeness {
+    /// Made of a picture by the depth of rays.
+    rays: f64,
+    /// By rule `views`, without its back layer.
+    one: f64,
+    /// With it.
+    two: f64,
+}
+
+/// Pictures of a scene by both rules, and what they are compared with.
+struct Comparison {
+    encoder: FrameEncoder,
+    limits: DepthLimits,
+    rays: RenderedFrame,
+    views: RenderedFrame,
+    truth: Vec<Vec<[u8; 3]>>,
+}
+
+impl Comparison {
+    fn of(renderer: &mut Renderer, volume: &Volume, scene: &Scene) -> Self {
+        let encoder = scene.display.encoder().unwrap();
+        let [rays, views] = RULES.map(|rule| renderer.render(volume, &by(rule, scene)).unwrap());
+        let limits = rays.limits_for(&scene.display).unwrap();
+        let setup = true_views(&scene.display, &rays.camera, rays.size_px, limits).unwrap();
+        let cameras = eye_cameras(&setup, &rays.camera, &encoder.eyes()).unwrap();
+        let truth = cameras
+            .into_iter()
+            .map(|camera| {
+                let seen = renderer.render(volume, &scene.request.seen_by(camera)).unwrap();
+                seen.color_rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect()
+            })
+            .collect();
+        Self { encoder, limits, rays, views, truth }
+    }
+
+    fn likeness(&self) -> Likeness {
+        assert!(self.views.back.is_some());
+        let one = RenderedFrame { back: None, ..self.views.clone() };
+        let [rays, one, two] = [&self.rays, &one, &self.views]
+            .map(|frame| self.mean_db(&self.encoder.views(&frame.picture().unwrap(), self.limits).unwrap()));
+        Likeness { rays, one, two }
+    }
+
+    fn mean_db(&self, views: &Views) -> f64 {
+        let pairs = self.truth.iter().zip(views.pictures()).enumerate().filter(|(view, _)| *view != 4);
         pairs.map(|(_, (truth, view))| psnr_db(truth, view)).sum::<f64>() / 8.0
-    })
+    }
+
+    /// The likeness of one layer with the depth that a search by the true views finds.
+    fn best_db(&self) -> f64 {
+        let (size_px, eyes) = (self.rays.size_px, self.encoder.eyes());
+        let parallax = self.encoder.parallax(size_px[0]);
+        let sweep = Sweep::over(&self.rays, &self.truth, &eyes, &parallax);
+        let found = [3, 5, 7].map(|side| {
+            let front = DecodedLayer { color: self.truth[4].clone(), disparity: sweep.best(side) };
+            self.mean_db(&synthesize(size_px, &front, None, &parallax, &eyes).unwrap())
+        });
+        found.into_iter().fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// A search over disparities by the true views themselves: the oracle of rule `views`, which sees two
+/// views of a quarter of the pixels.
+struct Sweep {
+    size_px: [usize; 2],
+    /// For each of [`Sweep::LEVELS`] disparities the differences of all pixels.
+    costs: Vec<Vec<f32>>,
+    is_transparent: Vec<bool>,
+}
+
+impl Sweep {
+    const LEVELS: usize = 52;
+
+    fn disparity(level: usize) -> u8 {
+        (255 * level / (Self::LEVELS - 1)) as u8
+    }
+
+    /// The differences of a picture to four of nine true views, each compared at full size.
+    fn over(frame: &RenderedFrame, truth: &[Vec<[u8; 3]>], eyes: &[f64], parallax: &Parallax) -> Self {
+        let [width, height] = frame.size_px.map(|side| side as usize);
+        let difference = |level: usize, x: usize, y: usize, view: usize| {
+            let place =
+                x as f64 + parallax.shift_px(Disparity(f64::from(Self::disparity(level))), eyes[view]);
+            let (left, share) = (place.floor(), place.fract().rem_euclid(1.0) as f32);
+            let at =
+                |x: f64| truth[view][y * width + x.clamp(0.0, width as f64 - 1.0) as usize].map(f32::from);
+            let (near, next, own) = (at(left), at(left + 1.0), truth[4][y * width + x].map(f32::from));
+            let squares = (0..3).map(|c| (near[c] * (1.0 - share) + next[c] * share - own[c]).powi(2));
+            (squares.sum::<f32>() / 3.0).min(1500.0)
+        };
+        let cost = |level: usize, at: usize| {
+            [0, 2, 6, 8].map(|view| difference(level, at % width, at / width, view)).iter().sum()
+        };
+        let levels = (0..Self::LEVELS).into_par_iter();
+        let costs = levels.map(|level| (0..width * height).map(|at| cost(level, at)).collect());
+        let is_transparent = frame.color_rgba.iter().map(|color| color[3] < 13).collect();
+        Self { size_px: [width, height], costs: costs.collect(), is_transparent }
+    }
+
+    /// The disparity of the least difference, summed over windows of this side.
+    fn best(&self, side: usize) -> Vec<u8> {
+        let [width, height] = self.size_px;
+        let reach = side / 2;
+        let sums = |costs: &Vec<f32>| {
+            let along: Vec<f32> = (0..costs.len())
+                .map(|at| {
+                    let x = at % width;
+                    costs[at - x..][x.saturating_sub(reach)..(x + reach + 1).min(width)].iter().sum()
+                })
+                .collect();
+            let rows = |y: usize| y.saturating_sub(reach)..(y + reach + 1).min(height);
+            (0..costs.len())
+                .map(|at| rows(at / width).map(|row| along[row * width + at % width]).sum())
+                .collect::<Vec<f32>>()
+        };
+        let sums: Vec<Vec<f32>> = self.costs.par_iter().map(sums).collect();
+        (0..width * height)
+            .map(|at| {
+                let least = (0..Self::LEVELS).min_by(|a, b| sums[*a][at].total_cmp(&sums[*b][at]));
+                if self.is_transparent[at] { 0 } else { Self::disparity(least.unwrap()) }
+            })
+            .collect()
+    }
 }
 
 const RULES: [DepthRule; 2] = [DepthRule::Threshold { fraction: 0.5 }, DepthRule::Views];
 
 /// One layer gains this much over the depth of rays, and two layers lose nothing to one.
-fn check(what: &str, [rays, one, two]: [f64; 3], gain_db: f64) {
+fn check(what: &str, Likeness { rays, one, two }: Likeness, gain_db: f64) {
     println!("{what}: {rays:.2} dB by rays, {one:.2} dB for views, {two:.2} dB with two layers");
     assert!(one > rays + gain_db, "{what}: {rays} dB by rays, {one} dB for views");
     assert!(two > one - 0.02, "{what}: {one} dB with one layer, {two} dB with two");
+}
+
+/// Invariant: No depth that an exhaustive search by true views finds is much better than rule `views`.
+///
+/// The search compares four views of full size under every fifth disparity, over three sizes of
+/// windows; the rule sees two views of a quarter of the pixels.
+#[test]
+fn a_search_by_true_views_finds_little_better() {
+    let mut renderer = Renderer::on_processor();
+    let volume = common::volume(PhantomKind::Head, 96);
+    let mut check = |what: &str, volume: &Volume, preset: &str| {
+        let comparison = Comparison::of(&mut renderer, volume, &scene(volume, preset, [480, 270]));
+        let (one, best) = (comparison.likeness().one, comparison.best_db());
+        println!("{what}, {preset}: {one:.2} dB for views, {best:.2} dB by search");
+        assert!(one > best - 0.9, "{what}, {preset}: {one} dB for views, {best} dB by search");
+    };
+    check("head", &volume, "skin-and-bone");
+    check("head", &volume, "bone");
+    let Some(volume) = real("a search by true views", "lidc-idri-0314") else { return };
+    check("lidc-idri-0314", &volume, "skin-and-bone");
+}
+
+/// A real series; `None` where it is not there.
+fn real(what: &str, name: &str) -> Option<Volume> {
+    let folder = common::unpacked(what, name, &[])?;
+    let found = relief_dicom::discover(&folder, relief_dicom::Strictness::Lenient, &|_| ()).unwrap();
+    let loaded = relief_dicom::load(found.select(None).unwrap(), relief_dicom::Strictness::Lenient, &|_| ());
+    Some(loaded.unwrap().volume)
 }
 
 /// Invariant: Views made of depth by rule `views` are nearer to true ones than those by the depth of
@@ -71,7 +204,11 @@ fn views_of_phantoms_come_nearer_to_true_ones() {
     ] {
         let volume = common::volume(kind, 96);
         let scene = scene(&volume, preset, [480, 270]);
-        check(&format!("{kind:?}, {preset}"), likeness(&mut renderer, &volume, &scene), gain_db);
+        check(
+            &format!("{kind:?}, {preset}"),
+            Comparison::of(&mut renderer, &volume, &scene).likeness(),
+            gain_db,
+        );
     }
 }
 
@@ -88,13 +225,13 @@ fn views_of_real_series_come_nearer_to_true_ones() {
         ("crlm-ct-1004", "kidneys", 2.0),
         ("sts-001-thigh", "skin", -0.1),
     ] {
-        let Some(folder) = common::unpacked("depth for views of real series", name, &[]) else { return };
-        let found = relief_dicom::discover(&folder, relief_dicom::Strictness::Lenient, &|_| ()).unwrap();
-        let loaded =
-            relief_dicom::load(found.select(None).unwrap(), relief_dicom::Strictness::Lenient, &|_| ());
-        let volume = loaded.unwrap().volume;
+        let Some(volume) = real("depth for views of real series", name) else { return };
         let scene = scene(&volume, preset, [960, 540]);
-        check(&format!("{name}, {preset}"), likeness(&mut renderer, &volume, &scene), gain_db);
+        check(
+            &format!("{name}, {preset}"),
+            Comparison::of(&mut renderer, &volume, &scene).likeness(),
+            gain_db,
+        );
     }
 }
 

@@ -3,35 +3,44 @@
 //! Exit status 0 when nothing is wrong, 1 when something is.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
 
+use crate::against_true::AgainstTrue;
+use crate::frame_file::read_bounded;
 use crate::output::{self, say};
+use crate::preview::{ViewOptions, check_span, views};
 use relief_display::{FrameReport, Layout, inspect_png};
 
-/// The largest file that is read: more than an uncompressed frame of the largest size needs.
-const MAX_FILE_BYTES: u64 = 1 << 30;
-
-pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(
+    path: &Path,
+    against_true: &AgainstTrue,
+    view_span: Option<f64>,
+    json: bool,
+) -> anyhow::Result<ExitCode> {
+    check_span(view_span)?;
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
     let report = inspect_png(&file).with_context(|| format!("cannot inspect {}", path.display()))?;
+    let options = ViewOptions { view_span, ..ViewOptions::default() };
+    let likeness = against_true.compare_made(|layout| {
+        let made = views(options, layout, &file);
+        Ok(made.with_context(|| format!("cannot make views of {}", path.display()))?.0)
+    })?;
     if json {
+        let mut report = serde_json::to_value(&report)?;
+        if let Some(likeness) = likeness {
+            report["against_true"] = likeness.report();
+        }
         output::print_json(&report)?;
     } else {
         say!("{}", readable(&report).trim_end());
+        if let Some(likeness) = likeness {
+            say!("likeness  {}", likeness.words());
+        }
     }
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
-
-pub(crate) fn read_bounded(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
-    ensure!(bytes.len() as u64 <= MAX_FILE_BYTES, "the file is larger than 1 GiB; frames are smaller");
-    Ok(bytes)
 }
 
 fn readable(report: &FrameReport) -> String {
@@ -143,7 +152,7 @@ mod tests {
         let status = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).unwrap();
-            run(&path, true).map(|status| status == ExitCode::SUCCESS)
+            run(&path, &AgainstTrue::default(), None, true).map(|status| status == ExitCode::SUCCESS)
         };
         let right = encode_png(&frame()).unwrap();
         assert!(status("right.png", &right).unwrap());

@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use data_encoding::HEXLOWER;
 use serde::Serialize;
 
+use crate::against_true::AgainstTrue;
 use crate::archive::ArchiveArguments;
 use crate::output::say;
 use crate::{output, source};
@@ -32,6 +33,8 @@ Examples:
   relief inspect chest
   relief inspect chest.nii.gz
   relief inspect frame.png --json
+  relief render --series chest --layout views-9x1 --view-span 4 --views true --out true.png
+  relief inspect frame.png --against-true true.png --view-span 4 --map map.png
   relief inspect session.mkv
   relief inspect panel.json
   relief inspect 'dicomweb+https://ct-server/dicom-web?PatientID=4711&Modality=CT' --archive-login-file login")]
@@ -47,6 +50,11 @@ pub(super) struct InspectArguments {
     /// Fail on any defective file instead of leaving it out with a warning
     #[arg(long)]
     strict: bool,
+    #[command(flatten)]
+    against_true: AgainstTrue,
+    /// Eye separations between the outermost views of --against-true: 1 for two views and 2 for more where left out
+    #[arg(long, value_name = "EYES", requires = "against_true")]
+    view_span: Option<f64>,
     /// The ffmpeg that decodes films
     #[arg(long, value_name = "PATH", env = "RELIEF_FFMPEG", default_value = "ffmpeg")]
     ffmpeg: PathBuf,
@@ -94,8 +102,9 @@ pub(super) fn run(arguments: InspectArguments) -> anyhow::Result<ExitCode> {
         return archive::run(&address, &archive.access()?, *show_patient_data, *json);
     }
     if is_png(&arguments.path) {
-        return frame::run(&arguments.path, arguments.json);
+        return frame::run(&arguments.path, &arguments.against_true, arguments.view_span, arguments.json);
     }
+    arguments.against_true.refuse("is for 2D-plus-depth frames (.png)")?;
     if film::is_film(&arguments.path) {
         return film::run(&arguments.path, &arguments.ffmpeg, arguments.json);
     }

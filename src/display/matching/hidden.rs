@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::rows::SideView;
 use super::side_size_px;
-use crate::views::{LinePiece, Parallax, Span, cut, place};
+use crate::views::{LinePiece, Parallax, Span, cut, is_one_surface, place};
 
 /// A layer behind a picture, in rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,22 +44,15 @@ pub fn hidden_layer(
     let shifts = sides.map(|side| parallax.shifts(side.eye, size_px[0]));
     let mut layer = HiddenLayer { color: color.to_vec(), disparity: disparity.to_vec() };
     let lines = layer.color.par_chunks_exact_mut(width).zip(layer.disparity.par_chunks_exact_mut(width));
-    lines.enumerate().for_each_init(Scratch::default, |scratch, (y, (behind_color, behind))| {
+    lines.enumerate().for_each_init(Scratch::default, |scratch, (y, (color_behind, behind))| {
         let front = Line { color: &color[y * width..][..width], disparity: &disparity[y * width..][..width] };
         for (side, shifts) in sides.iter().zip(&shifts) {
             let row = |y: usize| &side.color[y.min(rows - 1) * columns..][..columns];
             let view = ViewLine { above: row(y / 2), below: row(y.div_ceil(2)) };
             for hole in scratch.holes(front.disparity, shifts) {
-                let likely = front.color[hole.far];
-                let far = front.disparity[hole.far];
-                for x in hole.pixels(width) {
-                    let place = (x as i32 * Parallax::UNIT - shifts[usize::from(far)] + Parallax::UNIT / 2)
-                        .div_euclid(Parallax::UNIT);
-                    let at = usize::try_from(place).ok().filter(|at| *at < width);
-                    if let Some(at) = at.filter(|at| front.disparity[*at] > far) {
-                        behind_color[at] = view.color(x, &hole.pixels(width), likely);
-                        behind[at] = far;
-                    }
+                for (at, color) in hole.seen(&front, &view, shifts) {
+                    color_behind[at] = color;
+                    behind[at] = front.disparity[hole.far];
                 }
             }
         }
@@ -90,6 +83,25 @@ impl Hole {
         });
         first..end.max(first)
     }
+
+    /// What a view shows in it: pixels of the picture, on the hole's farther side and behind a nearer
+    /// surface, and their colours.
+    fn seen(
+        &self,
+        front: &Line<'_>,
+        view: &ViewLine<'_>,
+        shifts: &[i32; 256],
+    ) -> impl Iterator<Item = (usize, [u8; 4])> {
+        let far = front.disparity[self.far];
+        let shift = shifts[usize::from(far)];
+        let pixels = self.pixels(front.disparity.len());
+        pixels.clone().filter_map(move |x| {
+            let place = (x as i32 * Parallax::UNIT - shift + Parallax::UNIT / 2).div_euclid(Parallax::UNIT);
+            let at = usize::try_from(place).ok()?;
+            let is_hidden = front.disparity.get(at).is_some_and(|disparity| *disparity > far);
+            is_hidden.then(|| (at, view.color(x, &pixels, front.color[self.far])))
+        })
+    }
 }
 
 /// Buffers of a row.
@@ -104,8 +116,11 @@ impl Scratch {
     /// The holes of a view made of a row with these disparities. Those at the border of the picture
     /// have one side and do not count.
     fn holes(&mut self, disparity: &[u8], shifts: &[i32; 256]) -> impl Iterator<Item = Hole> {
-        place(disparity, shifts, &mut self.spans);
-        cut(&self.spans, &mut self.active, disparity.len(), &mut self.pieces);
+        self.pieces.clear();
+        if !is_one_surface(disparity, shifts) {
+            place(disparity, shifts, &mut self.spans);
+            cut(&self.spans, &mut self.active, disparity.len(), &mut self.pieces);
+        }
         self.pieces.windows(3).filter_map(|pieces| {
             let [before, hole, behind] = pieces else { return None };
             let (Some(left), None, Some(right)) = (before.pixel, hole.pixel, behind.pixel) else {

@@ -35,7 +35,7 @@ pub use parallax::{Parallax, TrueViews};
 pub(crate) use pictures::check_size;
 pub use pictures::{Views, check_layers};
 pub use quilt_name::QuiltName;
-pub(crate) use warp::{LinePiece, Span, cut, place};
+pub(crate) use warp::{LinePiece, Span, cut, is_one_surface, place};
 pub use warp::{ProcessorViews, Synthesize, synthesize};
 
 /// The places of the eyes of a tracked viewer, in eye separations: those from which a viewer at

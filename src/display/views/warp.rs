@@ -189,13 +189,22 @@ fn rounded(sum: i32) -> u8 {
     ((sum + UNIT) / (2 * UNIT)).clamp(0, 255) as u8
 }
 
+/// Whether neighbours with these disparities are one surface.
+fn is_joined(a: u8, b: u8, shifts: &[i32; 256]) -> bool {
+    let [shift, other] = [a, b].map(|disparity| shifts[usize::from(disparity)]);
+    a.abs_diff(b) <= SURFACE_STEP && (shift - other).abs() < UNIT
+}
+
+/// Whether a line is one surface, which opens no holes in a view.
+pub(crate) fn is_one_surface(disparity: &[u8], shifts: &[i32; 256]) -> bool {
+    disparity.windows(2).all(|pair| is_joined(pair[0], pair[1], shifts))
+}
+
 /// The pixels of a line where the view has them, by their left ends.
 pub(crate) fn place(disparity: &[u8], shifts: &[i32; 256], spans: &mut Vec<Span>) {
     spans.clear();
     let shift = |i: usize| shifts[usize::from(disparity[i])];
-    let joined = |i: usize, j: usize| {
-        disparity[i].abs_diff(disparity[j]) <= SURFACE_STEP && (shift(i) - shift(j)).abs() < UNIT
-    };
+    let joined = |i: usize, j: usize| is_joined(disparity[i], disparity[j], shifts);
     let last = disparity.len() - 1;
     for (pixel, &disparity) in disparity.iter().enumerate() {
         let own = shift(pixel);
