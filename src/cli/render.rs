@@ -17,14 +17,14 @@ use crate::scene::SceneArguments;
 use crate::series::SeriesArguments;
 use crate::views;
 use relief_annotation::ShownSets;
-use relief_display::{Layout, USUAL_VIEW_CONE_DEG};
+use relief_display::{DisplaySettings, Layout, USUAL_VIEW_CONE_DEG};
 use relief_render::{
     Mode, PictureWarning, Progress, RenderError, RenderRequest, RenderedFrame, Renderer, Scene, SceneFile,
     Subject,
 };
 use relief_session::encode;
 use relief_session::{FileFormat, Product, SpeedBook};
-use relief_volume::Volume;
+use relief_volume::{Projection, Volume};
 
 /// Render a series to a file: a 2D-plus-depth frame, colour, or depth.
 ///
@@ -137,9 +137,6 @@ impl RenderArguments {
             let of_file = Some(display.layout).filter(|layout| *layout != Layout::default());
             let layout = quilt::layout_of(&self.out.path, self.scene.layout().or(of_file))?;
             display.layout = layout.unwrap_or(display.layout);
-            if quilt::is_named(&self.out.path) && display.view_span.or(display.view_cone_deg).is_none() {
-                display.view_cone_deg = Some(USUAL_VIEW_CONE_DEG);
-            }
             file = file.with_display(display);
         }
         Ok(file)
@@ -153,20 +150,46 @@ impl RenderArguments {
         } else if self.views.is_some() {
             bail!("--views is for .png files");
         }
+        let layout = scene.display.layout;
+        if self.scene.has_view_angle() && (layout.view_count() == 0 || self.out.format != FileFormat::Png) {
+            bail!(
+                "--view-span and --view-cone are for .png files with a layout of views, such as views-9; \
+                 this one is {layout}"
+            );
+        }
         views::check(self.views_of(scene), self.key_views, scene)
+    }
+
+    /// The scene with the usual cone of quilts, where the name of the output says one and nothing else was
+    /// given. Eyes before a parallel projection have no angle.
+    fn with_usual_cone(&self, scene: Scene) -> Scene {
+        let display = &scene.display;
+        let is_given = display.view_span.or(display.view_cone_deg).is_some();
+        let is_quilt = self.out.format == FileFormat::Png && quilt::is_named(&self.out.path);
+        if !is_quilt || is_given || !has_eyes(&scene) {
+            return scene;
+        }
+        let display = DisplaySettings { view_cone_deg: Some(USUAL_VIEW_CONE_DEG), ..display.clone() };
+        scene.with_display(display)
     }
 
     /// How the views of a scene are made. Those far from the middle are poor where one picture is the
     /// source of all.
     fn views_of(&self, scene: &Scene) -> views::ViewChoice {
         let is_still = scene.budget_ms.is_none() && !matches!(scene.request.mode, Mode::Slice(_));
-        let is_wide = scene.display.view_cone().is_some() && scene.display.layout.view_count() > 2;
+        let has_cone = scene.display.view_cone().is_some() && has_eyes(scene);
+        let is_wide = has_cone && scene.display.layout.view_count() > 2;
         self.views.unwrap_or(if is_wide && is_still && self.out.format == FileFormat::Png {
             views::ViewChoice::Interpolated
         } else {
             views::ViewChoice::Synthesised
         })
     }
+}
+
+/// Whether the camera of a scene has an eye, which a parallel projection has not.
+fn has_eyes(scene: &Scene) -> bool {
+    matches!(scene.request.camera.projection(), Projection::Perspective { .. })
 }
 
 pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
@@ -177,7 +200,8 @@ pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     let (loaded, mut renderer) = series.load_after(|dims| adapter.open_renderer_for(dims))?;
     let labels = series.load_labels(loaded.volume.grid())?;
     let subject = Subject::of(&loaded.volume, labels.as_ref());
-    let mut scene = scene_file.resolve_for(&subject, &arguments.scene.orbit())?;
+    let scene = scene_file.resolve_for(&subject, &arguments.scene.orbit())?;
+    let mut scene = arguments.with_usual_cone(scene);
     if arguments.out.format != FileFormat::Png {
         scene.request.for_views = None; // the other formats have the depth of rays
     }

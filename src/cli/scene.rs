@@ -314,6 +314,11 @@ impl SceneArguments {
         self.orbit().validate().context("the view is out of range")
     }
 
+    /// Whether the distance of the outermost views was given.
+    pub(super) const fn has_view_angle(&self) -> bool {
+        self.view_span.is_some() || self.view_cone.is_some()
+    }
+
     /// The layout that --layout names.
     pub(super) const fn layout(&self) -> Option<Layout> {
         self.layout

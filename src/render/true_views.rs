@@ -36,7 +36,8 @@ pub fn true_views(
     parallax.true_views(limits, half_width, size_px[0]).ok_or(TrueViewsError::ScreenBehindCamera)
 }
 
-/// The settings with their view cone, where they have one, as eye separations before this camera.
+/// The settings with their view cone, where they have one, as eye separations before this camera. The
+/// cone of a panel does not count in a parallel projection, whose eyes have no angle.
 ///
 /// # Errors
 /// With a view cone, when its eyes have no cameras.
@@ -48,7 +49,10 @@ pub fn with_span_of_cone(
 ) -> Result<DisplaySettings, TrueViewsError> {
     let Some(cone_deg) = display.view_cone() else { return Ok(display.clone()) };
     let setup = true_views(display, camera, size_px, limits)?;
-    eye_cameras(&setup, camera, &[0.0])?; // a parallel projection has no angle between eyes
+    match eye_cameras(&setup, camera, &[1.0]) {
+        Err(_) if display.view_cone_deg.is_none() => return Ok(display.clone()),
+        cameras => cameras?,
+    };
     let view_span = Some(setup.span_of_cone(cone_deg));
     Ok(DisplaySettings { view_span, view_cone_deg: None, ..display.clone() })
 }

@@ -341,7 +341,15 @@ fn cones_are_angles_from_the_middle_of_the_screen() {
     assert!(both.contains("cannot be used with"), "{both}");
     let wide = refusal(&[&scene[..], &["--view-cone", "91", "--out", &quilt]].concat());
     assert!(wide.contains("display.view_cone_deg is 91, allowed: 0 to 90 degrees"), "{wide}");
-    let flat = refusal(&[&scene[..], &["--fov-deg", "0", "--out", &quilt]].concat());
+    let single =
+        refusal(&[&fewer[..8], &["--layout", "rgbd", "--out", &plain, "--view-cone", "35"]].concat());
+    assert!(single.contains("are for .png files with a layout of views"), "{single}");
+    // A parallel projection has no such angle. Defaults leave it alone, a given cone is refused.
+    calibration("");
+    let parallel = [&fewer[..5], &["--fov-deg", "0", "--size", "160x90", "--json", "--out"]].concat();
+    json_of(&[&parallel[..], &[&quilt]].concat());
+    json_of(&[&parallel[..], &[&interlaced, "--layout", "lenses-9", "--panel", &panel]].concat());
+    let flat = refusal(&[&parallel[..], &[&quilt, "--view-cone", "35"]].concat());
     assert!(flat.contains("parallel projection"), "{flat}");
 }
 
