@@ -5,7 +5,7 @@
 
 use relief_base::{DepthLimits, OutOfRange};
 use relief_display::{DisplaySettings, TrueViews};
-use relief_volume::{Camera, CameraError};
+use relief_volume::{Camera, CameraError, Projection};
 
 /// Why a picture has no views beside it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -36,25 +36,35 @@ pub fn true_views(
     parallax.true_views(limits, half_width, size_px[0]).ok_or(TrueViewsError::ScreenBehindCamera)
 }
 
-/// The settings with their view cone, where they have one, as eye separations before this camera. The
-/// cone of a panel does not count in a parallel projection, whose eyes have no angle.
+/// The settings of a layout of views with their view cone, where they have one, as eye separations
+/// before this camera. The cone of a panel does not count where eyes have no cameras.
 ///
 /// # Errors
-/// With a view cone, when its eyes have no cameras.
+/// When the settings are invalid, or have a view cone of their own and eyes have no cameras: in a
+/// parallel projection, or with the screen behind the camera.
 pub fn with_span_of_cone(
     display: &DisplaySettings,
     camera: &Camera,
     size_px: [u32; 2],
     limits: DepthLimits,
-) -> Result<DisplaySettings, TrueViewsError> {
-    let Some(cone_deg) = display.view_cone() else { return Ok(display.clone()) };
-    let setup = true_views(display, camera, size_px, limits)?;
-    match eye_cameras(&setup, camera, &[1.0]) {
-        Err(_) if display.view_cone_deg.is_none() => return Ok(display.clone()),
-        cameras => cameras?,
+) -> Result<DisplaySettings, OutOfRange> {
+    let has_views = display.layout.view_count() > 0;
+    let Some(cone_deg) = display.view_cone().filter(|_| has_views) else { return Ok(display.clone()) };
+    let refused = |allowed: &str| match display.view_cone_deg {
+        Some(cone_deg) => Err(OutOfRange::new("display.view_cone_deg", cone_deg, allowed)),
+        None => Ok(display.clone()),
     };
-    let view_span = Some(setup.span_of_cone(cone_deg));
-    Ok(DisplaySettings { view_span, view_cone_deg: None, ..display.clone() })
+    if !matches!(camera.projection(), Projection::Perspective { .. }) {
+        return refused("null in a parallel projection, whose eyes have no angle between them");
+    }
+    match true_views(display, camera, size_px, limits) {
+        Ok(setup) => {
+            let view_span = Some(setup.span_of_cone(cone_deg));
+            Ok(DisplaySettings { view_span, view_cone_deg: None, ..display.clone() })
+        }
+        Err(TrueViewsError::Settings(error)) => Err(error),
+        Err(_) => refused("null where the plane of the screen is behind the camera: see near_mm and far_mm"),
+    }
 }
 
 /// The cameras of these eyes before the screen that `setup` describes.

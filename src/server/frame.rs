@@ -251,7 +251,10 @@ pub(super) async fn answer_as(
     let encoder = move |frame: &RenderedFrame| {
         let camera = camera_json(&frame.camera, frame.size_px, frame.limits_for(&display)?).to_string();
         let warning = PictureWarning::of(frame, &display, &request, &entry.subject(), entry.range_hu);
-        let bytes = encoder(frame).map_err(|error| Problem::internal("encoding", error))?;
+        let bytes = encoder(frame).map_err(|error| match error {
+            EncodingError::Settings(error) => Problem::from(error),
+            other => Problem::internal("encoding", other),
+        })?;
         Ok(Encoded { bytes: bytes.into(), camera, warning })
     };
     let (Encoded { bytes, camera, warning }, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;

@@ -12,7 +12,7 @@ use relief_display::{
     CameraMatrices, DepthImage, DisplaySettings, EncodeError, FrameContent, FrameEncoder, Layout,
     LayoutError, Picture, encode_exr, encode_jpeg, encode_png, encode_views,
 };
-use relief_render::{RenderedFrame, TrueViewsError, with_span_of_cone};
+use relief_render::{RenderedFrame, with_span_of_cone};
 use relief_volume::{Camera, Projection};
 
 /// Colour fringes of chroma subsampling stay invisible; half the bytes of 95.
@@ -82,9 +82,6 @@ pub enum EncodingError {
     /// The picture does not fit the layout.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The views of a cone have no cameras.
-    #[error(transparent)]
-    Views(#[from] TrueViewsError),
     /// The file could not be made.
     #[error(transparent)]
     File(#[from] EncodeError),

@@ -357,6 +357,12 @@ async fn views_come_in_their_layout_and_say_what_they_are() {
     for (query, part) in [
         ("layout=views-200", "2 to 128 views"),
         ("layout=stereo&view_span=-1", "eye separations"),
+        ("layout=stereo&view_cone_deg=91", "0 to 90 degrees"),
+        (
+            "layout=stereo&view_cone_deg=35&eye_mm=0,-500,0&look_at_mm=0,0,0&height_mm=200",
+            "parallel projection",
+        ),
+        ("layout=stereo&view_cone_deg=35&near_mm=-900&far_mm=-500", "screen is behind the camera"),
         ("layout=views-128&size_px=2000,2000", "views of 2000x2000"),
     ] {
         let answer = stage.get(&stage.path(&format!("frame?preset=bone&{query}"))).await;
