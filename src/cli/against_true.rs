@@ -1,6 +1,7 @@
 //! `--against-true` of `relief preview` and `relief inspect`: compares the views of a frame with
 //! rendered ones.
 
+use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -35,7 +36,7 @@ pub(crate) struct Likeness {
 }
 
 impl AgainstTrue {
-    /// Refuses the options where nothing has views.
+    /// Fails where the options are given, with the reason why they do not apply.
     pub(crate) fn refuse(&self, reason: &str) -> anyhow::Result<()> {
         if self.against_true.is_some() {
             bail!("--against-true {reason}");
@@ -45,19 +46,18 @@ impl AgainstTrue {
 
     /// Compares the views, where true ones are given, and writes the map.
     pub(crate) fn compare(&self, views: &Views) -> anyhow::Result<Option<Likeness>> {
-        self.compare_made(|_| Ok(views.clone()))
+        self.compare_made(|_| Ok(views))
     }
 
-    /// Compares the views that `make` makes in the layout of the true ones, where those are given, and
-    /// writes the map.
-    pub(crate) fn compare_made(
+    /// As [`AgainstTrue::compare`], with views that `make` makes in the layout of the true ones.
+    pub(crate) fn compare_made<V: Borrow<Views>>(
         &self,
-        make: impl FnOnce(Layout) -> anyhow::Result<Views>,
+        make: impl FnOnce(Layout) -> anyhow::Result<V>,
     ) -> anyhow::Result<Option<Likeness>> {
         let Some(path) = &self.against_true else { return Ok(None) };
         let cannot = || format!("cannot compare with {}", path.display());
         let (layout, truth) = true_views(path).with_context(cannot)?;
-        let likeness = Likeness::of(&truth, &make(layout)?).with_context(cannot)?;
+        let likeness = Likeness::of(&truth, make(layout)?.borrow()).with_context(cannot)?;
         if let Some(map) = &self.map {
             let frame = Frame::new(likeness.size_px, Pixels::Rgb8(likeness.map.clone()))?;
             write_whole(map, &encode_png(&frame)?)?;

@@ -12,7 +12,7 @@ use crate::output::{print_json, say, write_whole};
 use crate::panel::panel_for;
 use crate::quilt;
 use relief_display::{
-    DisplayProfile, FrameReport, Layout, Parallax, ProfileName, VIEW_SPANS, Views, decode_wiggle,
+    DisplayProfile, DisplaySettings, FrameReport, Layout, Parallax, ProfileName, Views, decode_wiggle,
     encode_views, read_png, synthesize,
 };
 
@@ -88,7 +88,6 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
             layouts("allowed", |layout| layout.view_count() > 0)
         );
     }
-    check_span(arguments.view_span)?;
     let panel =
         arguments.panel.as_deref().map(|path| panel_for(*layout, path)).transpose()?.unwrap_or_default();
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -119,7 +118,7 @@ pub(super) fn run(arguments: &PreviewArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// How views are made of a frame; what is `None` is what the frame says, or the default.
+/// How views are made of a frame. `None` stands for the value in the frame's header, or the default.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ViewOptions {
     pub(crate) factor: Option<u8>,
@@ -136,23 +135,13 @@ impl PreviewArguments {
     }
 }
 
-/// Refuses a span that is out of range.
-pub(crate) fn check_span(view_span: Option<f64>) -> anyhow::Result<()> {
-    match view_span.filter(|span| !VIEW_SPANS.contains(span)) {
-        Some(span) => {
-            let [least, most] = [VIEW_SPANS.start(), VIEW_SPANS.end()];
-            bail!("--view-span is {span}, allowed: {least} to {most} eye separations")
-        }
-        None => Ok(()),
-    }
-}
-
-/// The views of a frame, and factor and offset where they were made of disparity.
+/// The views of a frame. Where they were made of disparity, also factor and offset.
 pub(crate) fn views(
     options: ViewOptions,
     layout: Layout,
     file: &[u8],
 ) -> anyhow::Result<(Views, Option<[u8; 2]>)> {
+    DisplaySettings { view_span: options.view_span, ..DisplaySettings::default() }.validate()?;
     let (frame, report) = read_png(file)?;
     if report.layout == Layout::Wiggle {
         return Ok((as_many(decode_wiggle(file)?, layout)?, None));

@@ -46,7 +46,7 @@ pub(crate) fn hint(path: &Path, layout: Layout, size_px: [u32; 2]) -> Option<Str
     ))
 }
 
-/// Whether the name of a file says a quilt.
+/// Whether a file has the name of a quilt.
 pub(crate) fn is_named(path: &Path) -> bool {
     name_of(path).is_some()
 }

@@ -74,8 +74,8 @@ pub(super) struct RenderArguments {
     /// Sets of annotations to draw; all that are not blinded where none is named
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "annotations")]
     set: Vec<String>,
-    /// The views of a layout of views [default: interpolated where they have a cone, from --view-cone,
-    /// the --panel or the name of a quilt; else synthesised]
+    /// How views are made [default: interpolated if --view-cone, the --panel or the name of a quilt sets
+    /// a view cone, else synthesised]
     #[arg(long, value_name = "WHICH")]
     views: Option<views::ViewChoice>,
     /// Number of views that are rendered with --views interpolated or refined: a fifth of them where left out
@@ -157,11 +157,11 @@ impl RenderArguments {
                  this one is {layout}"
             );
         }
-        views::check(self.views_of(scene), self.key_views, scene)
+        views::check(self.view_choice(scene), self.key_views, scene)
     }
 
-    /// The scene with the usual cone of quilts, where the name of the output says one and nothing else was
-    /// given. Eyes before a parallel projection have no angle.
+    /// The scene with the usual view cone if the output has the name of a quilt and no cone or span was
+    /// given. A parallel projection gets none: it has no eyes.
     fn with_usual_cone(&self, scene: Scene) -> Scene {
         let display = &scene.display;
         let is_given = display.view_span.or(display.view_cone_deg).is_some();
@@ -173,9 +173,9 @@ impl RenderArguments {
         scene.with_display(display)
     }
 
-    /// How the views of a scene are made. Those far from the middle are poor where one picture is the
-    /// source of all.
-    fn views_of(&self, scene: &Scene) -> views::ViewChoice {
+    /// How the views of a scene are made: as --views says. Views of a cone are interpolated by default,
+    /// because views made of one picture are poor far from its middle.
+    fn view_choice(&self, scene: &Scene) -> views::ViewChoice {
         let is_still = scene.budget_ms.is_none() && !matches!(scene.request.mode, Mode::Slice(_));
         let has_cone = scene.display.view_cone().is_some() && has_eyes(scene);
         let is_wide = has_cone && scene.display.layout.view_count() > 2;
@@ -187,7 +187,7 @@ impl RenderArguments {
     }
 }
 
-/// Whether the camera of a scene has an eye, which a parallel projection has not.
+/// Whether the scene is seen in perspective: a parallel projection has no eye that could be moved.
 fn has_eyes(scene: &Scene) -> bool {
     matches!(scene.request.camera.projection(), Projection::Perspective { .. })
 }
@@ -207,7 +207,7 @@ pub(super) fn run(arguments: &RenderArguments) -> anyhow::Result<ExitCode> {
     }
     draw_annotations(arguments.annotations.as_deref(), &loaded, &mut scene)?;
     arguments.check(&scene)?;
-    let choice = arguments.views_of(&scene);
+    let choice = arguments.view_choice(&scene);
     if eye.is_some() {
         ViewingEye::check(&scene)?;
     }

@@ -76,8 +76,9 @@ pub(super) struct SceneArguments {
     /// Strength of the segments' tint, 0 to 1 [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     label_tint: Option<f64>,
-    /// Depth of a semi-transparent ray [default: views for frames with disparity and for views; where
-    /// it has none, two-layer for layouts with a background, else threshold]
+    /// Depth of a semi-transparent ray [default: views for frames with disparity and for layouts of views,
+    /// in mode composite and in a perspective; else two-layer for layouts with a background, threshold
+    /// for others]
     #[arg(long, value_name = "RULE", value_parser = depth_rules())]
     depth_rule: Option<DepthRule>,
     #[arg(long, value_name = "NAME", help = layouts("Layout of a .png frame (views-N and views-CxR for other quilts)", |_| true))]
@@ -85,8 +86,8 @@ pub(super) struct SceneArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES", allow_negative_numbers = true)]
     view_span: Option<f64>,
-    /// Angle between the outermost views in degrees, in place of --view-span [default: that of the
-    /// --panel, and 35 where the name of --out says a quilt]
+    /// Angle between the outermost views in degrees, in place of --view-span [default: the view cone of
+    /// the --panel; 35 if --out has the name of a quilt]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "view_span")]
     view_cone: Option<f64>,
     /// The panel that layouts lenses-N are for: a JSON file of pitch_px, slant, center, subpixels,
@@ -314,7 +315,7 @@ impl SceneArguments {
         self.orbit().validate().context("the view is out of range")
     }
 
-    /// Whether the distance of the outermost views was given.
+    /// Whether --view-span or --view-cone was given.
     pub(super) const fn has_view_angle(&self) -> bool {
         self.view_span.is_some() || self.view_cone.is_some()
     }

@@ -231,8 +231,8 @@ pub(crate) struct ViewsArguments {
     /// Eye separations between the outermost views: 1 for two views and 2 for more where left out
     #[arg(long, value_name = "EYES")]
     pub(crate) view_span: Option<f64>,
-    /// Angle between the outermost views in degrees, in place of --view-span [default: that of the
-    /// --panel, and 35 where the name of a file says a quilt]
+    /// Angle between the outermost views in degrees, in place of --view-span [default: the view cone of
+    /// the --panel; 35 for files with the name of a quilt]
     #[arg(long, value_name = "DEG", conflicts_with = "view_span")]
     pub(crate) view_cone: Option<f64>,
     /// Layers that views are made of: 2 fills holes with the surface behind, for twice the data

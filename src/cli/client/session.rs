@@ -6,9 +6,7 @@ use crate::client::arguments::{ClientArguments, Part};
 use crate::panel::panel_for;
 use crate::quilt;
 use relief_client::{Access, Composer, Options};
-use relief_display::{
-    DisplaySettings, Layout, ProfileName, ProfileSetting, USUAL_VIEW_CONE_DEG, VIEW_CONES_DEG, VIEW_SPANS,
-};
+use relief_display::{DisplaySettings, Layout, ProfileName, ProfileSetting, USUAL_VIEW_CONE_DEG};
 use relief_live::{Accept, ColorFormat, Hello, LiveLayout, Role, Settings, ViewsOutput};
 use relief_render::{AdapterChoice, view_synthesizer};
 
@@ -116,11 +114,11 @@ fn views_output(arguments: &ClientArguments) -> anyhow::Result<Option<ViewsOutpu
     }
     let panel = views.panel.as_deref().map(|path| panel_for(layout, path)).transpose()?;
     let panel = panel.unwrap_or_default();
-    let (view_span, view_cone_deg) = (views.view_span, views.view_cone);
-    let is_named = [&arguments.headless.save_frame, &arguments.recording.record];
-    let is_named = is_named.into_iter().flatten().any(|path| quilt::is_named(path));
-    let usual_cone = (is_named && view_span.is_none()).then_some(USUAL_VIEW_CONE_DEG);
-    let view_cone_deg = view_cone_deg.or(usual_cone);
+    let outputs = [&arguments.headless.save_frame, &arguments.recording.record];
+    let is_quilt = outputs.into_iter().flatten().any(|path| quilt::is_named(path));
+    let usual_cone = (is_quilt && views.view_span.is_none()).then_some(USUAL_VIEW_CONE_DEG);
+    let (view_span, view_cone_deg) = (views.view_span, views.view_cone.or(usual_cone));
+    DisplaySettings { view_span, view_cone_deg, ..DisplaySettings::default() }.validate()?;
     Ok(Some(ViewsOutput { layout, panel, view_span, view_cone_deg, tracked_eyes: None }))
 }
 
@@ -148,20 +146,6 @@ fn display_of(arguments: &ClientArguments, output: Option<&ViewsOutput>) -> anyh
         ..usual
     };
     display.validate()?;
-    if let Some(span) = output.and_then(|output| output.view_span).filter(|span| !VIEW_SPANS.contains(span)) {
-        bail!(
-            "--view-span is {span}, allowed: {} to {} eye separations",
-            VIEW_SPANS.start(),
-            VIEW_SPANS.end()
-        );
-    }
-    if let Some(cone) = arguments.views.view_cone.filter(|cone| !VIEW_CONES_DEG.contains(cone)) {
-        bail!(
-            "--view-cone is {cone}, allowed: {} to {} degrees",
-            VIEW_CONES_DEG.start(),
-            VIEW_CONES_DEG.end()
-        );
-    }
     if LiveLayout::of(display.layout) == LiveLayout::None {
         bail!("layout {} is no picture with disparity; live sessions have the others", display.layout);
     }

@@ -11,7 +11,7 @@ use anyhow::Context;
 use crate::against_true::AgainstTrue;
 use crate::frame_file::read_bounded;
 use crate::output::{self, say};
-use crate::preview::{ViewOptions, check_span, views};
+use crate::preview::{ViewOptions, views};
 use relief_display::{FrameReport, Layout, inspect_png};
 
 pub(crate) fn run(
@@ -20,7 +20,6 @@ pub(crate) fn run(
     view_span: Option<f64>,
     json: bool,
 ) -> anyhow::Result<ExitCode> {
-    check_span(view_span)?;
     let file = read_bounded(path).with_context(|| format!("cannot read {}", path.display()))?;
     let report = inspect_png(&file).with_context(|| format!("cannot inspect {}", path.display()))?;
     let options = ViewOptions { view_span, ..ViewOptions::default() };
@@ -29,11 +28,8 @@ pub(crate) fn run(
         Ok(made.with_context(|| format!("cannot make views of {}", path.display()))?.0)
     })?;
     if json {
-        let mut report = serde_json::to_value(&report)?;
-        if let Some(likeness) = likeness {
-            report["against_true"] = likeness.report();
-        }
-        output::print_json(&report)?;
+        let against_true = likeness.map(|likeness| likeness.report());
+        output::print_json(&Compared { report: &report, against_true })?;
     } else {
         say!("{}", readable(&report).trim_end());
         if let Some(likeness) = likeness {
@@ -41,6 +37,16 @@ pub(crate) fn run(
         }
     }
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The report as JSON.
+#[derive(serde::Serialize)]
+struct Compared<'a> {
+    #[serde(flatten)]
+    report: &'a FrameReport,
+    /// The likeness of the views to true ones, where they were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    against_true: Option<serde_json::Value>,
 }
 
 fn readable(report: &FrameReport) -> String {

@@ -1,5 +1,7 @@
 //! Disparity without colour: a picture's depth as D or Z, and frames of given D.
 
+use rayon::prelude::*;
+
 use super::disparity::DisparityTable;
 use super::{DecodedLayer, DisparityLayer, Frame, FrameEncoder, Layout, LayoutError, Picture, frame, pack};
 use crate::views::{Views, synthesize};
@@ -19,7 +21,7 @@ impl FrameEncoder {
     #[must_use]
     pub fn disparity_of(&self, depth_mm: &[f32], limits: DepthLimits) -> Vec<u8> {
         let table = DisparityTable::new(&self.profile, limits);
-        depth_mm.iter().map(|&mm| table.byte(mm)).collect()
+        depth_mm.par_iter().map(|&mm| table.byte(mm)).collect()
     }
 
     /// Z of every pixel in 16 bits, 65535 nearest, as layout `depth16` has it: depth filtered and

@@ -203,7 +203,7 @@ impl ViewFrame {
         let pictures = self.pictures()?;
         let bytes = match &pictures[..] {
             [front] => encode_color(self.size(), front.color(), format, quality),
-            all => encode_color(self.size(), &colors(all), format, quality),
+            both => encode_color(self.size(), &colors(both).collect::<Vec<_>>(), format, quality),
         };
         Ok(EncodedColor { format, bytes: bytes.map_err(failed)? })
     }
@@ -242,7 +242,7 @@ impl ViewFrame {
     /// # Errors
     /// When composing fails.
     pub fn composed(&self) -> Result<Frame, LiveError> {
-        let color = colors(&self.pictures()?).into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let color = colors(&self.pictures()?).map(|[r, g, b, _]| [r, g, b]).collect();
         let depth = ReceivedDepth::Disparity(self.disparity()?);
         let received = ReceivedFrame { header: self.header(0), color, depth };
         let curve = self.display.profile()?;
@@ -251,8 +251,8 @@ impl ViewFrame {
 }
 
 /// The colours of pictures, one below the other.
-fn colors(pictures: &[Picture<'_>]) -> Vec<[u8; 4]> {
-    pictures.iter().flat_map(Picture::color).copied().collect()
+fn colors(pictures: &[Picture<'_>]) -> impl Iterator<Item = [u8; 4]> {
+    pictures.iter().flat_map(Picture::color).copied()
 }
 
 /// The cell of a key; adds one if the key is new.
