@@ -16,7 +16,7 @@ PRESETS = {
     "lidc-idri-0314": ["skin-and-bone", "bone"], "crlm-ct-1004": ["kidneys", "bone"], "totalseg-abdomen-j2k": ["skin-and-bone"],
     "sts-001-thigh": ["skin-and-bone", "skin"],
 }
-#: Shown as animations.
+#: Cases of the animation.
 WIGGLED = {"lidc-idri-0314": ["skin-and-bone"], "crlm-ct-1004": ["kidneys"]}
 WIDTH, HEIGHT = 960, 540
 #: Name, layout, eye separations from the first to the last view.
@@ -39,7 +39,7 @@ def one_layer(frame, path, layout, span):
 
 
 def wiggle(path, cases):
-    """An animation of every second view of each case, by both rules beside each other, forwards and backwards."""
+    """Writes an animation of every second view of each case, forwards and backwards, with both rules beside each other."""
     rows = []
     for series, preset in cases:
         views = ["--series", series, "--preset", preset, "--azimuth-deg", "25", "--elevation-deg", "10", "--size", "300x216"]
@@ -51,7 +51,11 @@ def wiggle(path, cases):
 
 
 def flicker_db(series, preset):
-    """How calm the left of nine views is in a turntable of 1 degree a frame: PSNR of its errors in one frame to those in the next."""
+    """The flicker of two views, two eye separations to the left and to the right, while the volume turns by 1 degree a frame.
+
+    An error is the difference between a synthesised and a rendered view. The result is the PSNR between the errors of successive frames: a
+    view without flicker has equal errors.
+    """
     errors = {rule: [] for rule in RULES}
     for azimuth in range(25, 29):
         base = ["--series", series, "--preset", preset, "--azimuth-deg", str(azimuth), "--elevation-deg", "10", "--size", f"{WIDTH}x{HEIGHT}"]

@@ -31,7 +31,7 @@ CONDITIONS = [
     ("eye moved by 5°", "views-2x1", 10 * ONE_DEGREE, "960x540"),
     ("quilt of 45, ±20° at 0.5 m", "views-5x9", 5.6, "420x560"),
 ]
-#: scripts/compare-depth compares with depth for views.
+#: scripts/compare-depth measures rule views.
 RAYS = ["--depth-rule", "threshold"]
 METHODS = {
     "one layer": RAYS, "two layers": ["--depth-rule", "two-layer"],

@@ -17,7 +17,7 @@ use crate::screen_plane::{ScreenPlane, limits_around};
 use crate::views::{LensPanel, check_cone};
 use relief_base::{DepthLimits, OutOfRange, ScaledDepth};
 
-/// Eye separations between the outermost views: from one view for all places to a cone of about 50 degrees.
+/// Eye separations between the outermost views. 0 gives equal views; 60 is a cone of about 50 degrees.
 pub const VIEW_SPANS: std::ops::RangeInclusive<f64> = 0.0..=60.0;
 
 /// How a picture becomes a frame. Every key has a default; unknown keys are refused.
@@ -42,8 +42,8 @@ pub struct DisplaySettings {
     /// Eye separations between the outermost views of layouts of views, 0 to 60; `null` is 1 for
     /// two views and 2 for more.
     pub view_span: Option<f64>,
-    /// The angle between the outermost views as the middle of the screen sees their cameras, degrees;
-    /// in place of `view_span`. `null` is that of the panel, for a panel that has one.
+    /// The angle between the cameras of the outermost views, seen from the middle of the screen,
+    /// degrees, 0 to 90. It replaces `view_span`. `null` is the view cone of the panel, if it has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub view_cone_deg: Option<f64>,
     /// The lenses of the panel that layouts `lenses-N` are for; `null` is a common panel.
@@ -135,8 +135,7 @@ impl DisplaySettings {
         Ok(())
     }
 
-    /// The angle between the outermost views that these settings have, degrees; `None` where they have a
-    /// number of eye separations.
+    /// The view cone of these settings or of their panel, degrees; `None` if eye separations count.
     #[must_use]
     pub fn view_cone(&self) -> Option<f64> {
         let of_panel = || match (self.layout, self.view_span) {

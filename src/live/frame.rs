@@ -56,8 +56,8 @@ pub struct ViewsOutput {
     pub panel: LensPanel,
     /// Eye separations between the outermost views; `None` is the layout's default.
     pub view_span: Option<f64>,
-    /// The angle between the outermost views, degrees, in place of eye separations; `None` is that of
-    /// the panel, for a panel that has one.
+    /// The view cone, degrees. It replaces the eye separations. `None` is the view cone of the panel, if
+    /// it has one.
     pub view_cone_deg: Option<f64>,
     /// The eyes of a tracked viewer, for layouts of two views; `None` stands for a viewer before the
     /// middle of the screen.
@@ -297,7 +297,8 @@ impl ReceivedLayers {
         Ok(encoder.with_view_span(span).with_tracked_eyes(output.tracked_eyes))
     }
 
-    /// The eye separations between views of this angle; `None` where the screen is behind the camera.
+    /// The eye separations between the outermost views of a cone; `None` if the screen is behind the
+    /// camera.
     fn span_of(&self, encoder: &FrameEncoder, cone_deg: f64) -> Option<f64> {
         let size_px = self.header.full_px.map(u32::from);
         let [near_mm, far_mm] = self.header.limits_mm.map(f64::from);

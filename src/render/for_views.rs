@@ -87,7 +87,8 @@ impl ViewsBeside {
         &self.requests
     }
 
-    /// Gives a picture the depth that the cast views agree on, and the layer that only they show.
+    /// Adds to a picture the depth for displays that fits the cast views best, and the background layer
+    /// that only they show.
     pub(super) fn complete(&self, frame: &mut RenderedFrame, cast: &[RenderedFrame]) {
         let side = |at: usize| SideView { eye: EYES[at], color: &cast[at].color_rgba };
         let (encoder, limits, size_px, sides) =

@@ -17,8 +17,8 @@ pub struct Timings {
     pub overlay_ms: f64,
 }
 
-/// The background layer of a picture: under rule `two-layer` what its rays meet behind the first
-/// layer, under rule `views` what the views beside it show and it does not.
+/// The background layer of a picture. Rule `two-layer`: what the rays meet behind the first layer. Rule
+/// `views`: what only the views beside the picture show.
 #[derive(Clone, Debug)]
 pub struct BackLayer {
     /// Rows from the top. Display-referred sRGB over the request's background; the fourth byte is
@@ -44,8 +44,7 @@ pub struct RenderedFrame {
     /// Rows from the top. View depth for displays in mm, `+inf` where nothing is shown: chosen by rule
     /// `views`; `None` under other rules, which have one depth for displays and picks.
     pub display_mm: Option<Vec<f32>>,
-    /// The background layer; `None` except for rule `two-layer`, and for rule `views` where views were
-    /// cast beside the picture.
+    /// The background layer of rule `two-layer`, and of rule `views` if it cast views beside the picture.
     pub back: Option<BackLayer>,
     /// The camera of the request.
     pub camera: Camera,
@@ -85,8 +84,7 @@ impl RenderedFrame {
     }
 
     /// The picture as displays get it: with the depth that is made for them, and the background
-    /// layer. Without views beside it, the layer of rule `views` is the picture itself, which shows
-    /// nothing that is hidden.
+    /// layer. If rule `views` cast no views, the background layer is a copy of the picture.
     ///
     /// # Errors
     /// When the picture is too large for a frame.
@@ -100,7 +98,7 @@ impl RenderedFrame {
         }
     }
 
-    /// Whether layouts with a background get one: rules `two-layer` and `views`.
+    /// Whether [`RenderedFrame::picture`] has a background layer: under rules `two-layer` and `views`.
     #[must_use]
     pub const fn has_back_layer(&self) -> bool {
         self.back.is_some() || self.display_mm.is_some()

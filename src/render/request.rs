@@ -235,15 +235,15 @@ impl RenderRequest {
         self
     }
 
-    /// Whether rule `views` casts two views beside the picture: a whole one of full size, in mode
-    /// composite.
+    /// Whether rule `views` casts two views beside the picture. It does in mode composite, for a whole
+    /// picture of full size.
     #[must_use]
     pub fn casts_views_beside(&self) -> bool {
         let for_views = self.display_of_depth().filter(|for_views| for_views.casts_views);
         for_views.is_some() && self.mode == Mode::Composite && self.reduced_px.is_none()
     }
 
-    /// Whether layouts with a background get one: rules `two-layer` and `views`.
+    /// Whether the picture will have a background layer: under rules `two-layer` and `views`.
     pub(super) fn has_background(&self) -> bool {
         self.has_back_layer() || self.display_of_depth().is_some()
     }

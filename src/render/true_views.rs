@@ -36,12 +36,14 @@ pub fn true_views(
     parallax.true_views(limits, half_width, size_px[0]).ok_or(TrueViewsError::ScreenBehindCamera)
 }
 
-/// The settings of a layout of views with their view cone, where they have one, as eye separations
-/// before this camera. The cone of a panel does not count where eyes have no cameras.
+/// The settings with their view cone converted to eye separations for this camera. Settings without a
+/// view cone, or with a layout that has no views, come back unchanged.
+///
+/// A parallel projection, or a screen behind the camera, has no angle between eyes. There the view
+/// cone of a panel is left out.
 ///
 /// # Errors
-/// When the settings are invalid, or have a view cone of their own and eyes have no cameras: in a
-/// parallel projection, or with the screen behind the camera.
+/// When the settings are invalid, or set a view cone that this camera cannot have.
 pub fn with_span_of_cone(
     display: &DisplaySettings,
     camera: &Camera,
@@ -55,7 +57,7 @@ pub fn with_span_of_cone(
         None => Ok(display.clone()),
     };
     if !matches!(camera.projection(), Projection::Perspective { .. }) {
-        return refused("null in a parallel projection, whose eyes have no angle between them");
+        return refused("null in a parallel projection, which has no angle between eyes");
     }
     match true_views(display, camera, size_px, limits) {
         Ok(setup) => {

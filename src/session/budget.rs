@@ -259,7 +259,8 @@ mod tests {
         Grid::axis_aligned([100; 3], [1.0; 3], [0.0; 3]).unwrap()
     }
 
-    /// A still with depth for views takes longer than its rays, and loses that before pixels.
+    /// Depth for views counts in the expected time of a still. A small budget leaves it out before it
+    /// reduces pixels.
     #[test]
     fn views_beside_a_picture_count_in_its_budget_and_go_first() {
         let scene = SceneFile::default().with_size([800, 400]).with_depth_rule(DepthRule::Views);

@@ -168,7 +168,7 @@ def outputs(playwright, server):
     volume = json.loads(server.get("/v1/volumes"))["volumes"][0]["id"]
     query = "azimuth_deg=20&elevation_deg=10&zoom=1&frame=tissue&preset=bone&size_px=480,270"
     served = lambda layout, more="": pixels(server.get(f"/v1/volumes/{volume}/frame?{query}&layout={layout}{more}"))
-    # The page has one layer unless it is told otherwise, the views of the server have two.
+    # The kiosk makes views of one layer by default, the server of two.
     frame = tempfile.NamedTemporaryFile(suffix=".png")
     frame.write(server.get(f"/v1/volumes/{volume}/frame?{query}&layout=rgbd"))
     frame.flush()

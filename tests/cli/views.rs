@@ -286,7 +286,7 @@ fn panels_have_files_and_quilts_have_names() {
     assert!(String::from_utf8(named.stdout).unwrap().contains("plain_qs3x3a1.7778"));
 }
 
-/// Invariant: The outermost views of a cone are as far apart as its angle says.
+/// Invariant: The cameras of the outermost views have the angle of the view cone between them.
 #[test]
 fn cones_are_angles_from_the_middle_of_the_screen() {
     let folder = tempfile::tempdir().unwrap();
@@ -326,14 +326,14 @@ fn cones_are_angles_from_the_middle_of_the_screen() {
         let found = angle_deg(&lenses);
         assert!((found - cone_deg).abs() < 1e-6, "{found} for the panel's {cone_deg}");
     }
-    // Views of a cone are interpolated unless others are wanted.
+    // Views of a cone are interpolated by default.
     let fewer = ["render", "--series", &series, "--preset", "bone", "--size", "160x90", "--json", "--out"];
     let made =
         |more: &[&str]| json_of(&[&fewer[..], more].concat())["views"]["rendered"].as_array().map(Vec::len);
     assert_eq!(made(&[&quilt]), Some(2));
     assert_eq!(made(&[&quilt, "--views", "synthesised"]), None);
     assert_eq!(made(&[&plain, "--layout", "views-9"]), None);
-    // Eye separations that were given count before the panel and the name.
+    // --view-span overrides the cone of the panel and of the name.
     for output in [&lenses[..], &["--out", &quilt]] {
         assert!(angle_deg(&[output, &["--view-span", "1"]].concat()) < 5.0);
     }
@@ -344,7 +344,7 @@ fn cones_are_angles_from_the_middle_of_the_screen() {
     let single =
         refusal(&[&fewer[..8], &["--layout", "rgbd", "--out", &plain, "--view-cone", "35"]].concat());
     assert!(single.contains("are for .png files with a layout of views"), "{single}");
-    // A parallel projection has no such angle. Defaults leave it alone, a given cone is refused.
+    // In a parallel projection default cones are left out, and a given cone is refused.
     calibration("");
     let parallel = [&fewer[..5], &["--fov-deg", "0", "--size", "160x90", "--json", "--out"]].concat();
     json_of(&[&parallel[..], &[&quilt]].concat());

@@ -144,7 +144,7 @@ pub(crate) fn pixels(png: &[u8]) -> (u32, u32, Vec<u8>) {
     (picture.width(), picture.height(), picture.into_raw())
 }
 
-/// The views that `relief preview` makes of a frame, with the factor of these arguments.
+/// The views that `relief preview` makes of a frame with the --factor of these arguments.
 fn previewed(frame: &[u8], layout: &str, arguments: &[&str]) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let [from, to] = ["frame.png", "views.png"].map(|name| folder.path().join(name));
@@ -173,11 +173,11 @@ fn the_still_frame_is_the_servers_png_pixel_by_pixel() {
         ("wowvx", &[][..]),
         ("rgbd", &["--size", "400x300"]),
         ("wowvx-full-height", &["--factor", "90"]),
-        // The client makes views itself, the server sends both layers with disparity.
+        // Views that the client makes of two layers are those that the server makes.
         ("stereo", &["--layers", "2"]),
         ("lenses-9", &["--layers", "2", "--factor", "90"]),
         ("lines", &["--layers", "2", "--adapter", "software"]),
-        // Of one layer, as relief preview makes them of a frame.
+        // Views that the client makes of one layer are those of relief preview.
         ("stereo", &["--size", "400x300"]),
         ("lines", &["--size", "400x300", "--factor", "90"]),
         ("lines", &["--size", "400x300", "--factor", "90", "--adapter", "software"]),

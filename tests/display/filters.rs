@@ -1,4 +1,4 @@
-//! Depth filters: outliers, values that were there before, and the same numbers as numpy and
+//! Depth filters: they remove outliers, make no new values, and have the same numbers as numpy and
 //! VTK have.
 //!
 //! With `RELIEF_PEERS_PYTHON` unset the comparison with the peers says that it skipped.

@@ -130,9 +130,9 @@ fn synthesised_views_of_a_head_come_close_to_true_renders() {
 /// 38.4.
 const FLOOR_DB: f64 = 35.5;
 
-/// Invariant: The outermost views of a cone are as far apart as its angle says.
+/// Invariant: The cameras of the outermost views have the angle of the view cone between them.
 ///
-/// By the places of the cameras: the angle between the lines from the middle of the screen to them.
+/// Measured between the lines from the middle of the screen to the outermost cameras.
 #[test]
 fn the_cameras_of_a_cone_are_as_far_apart_as_it_says() {
     let (_, request) = head();

@@ -313,7 +313,7 @@ async fn a_depth_filter_changes_frames_and_no_pick() {
     let (color, plain) = depth_of("none").await;
     let (same, filtered) = depth_of("median-5").await;
     assert_eq!(color, same);
-    // A pixel whose depth the filter changes is where it was for a pick, and so is one in the ball.
+    // The filter changes no pick: neither at a pixel whose depth it changes, nor inside the ball.
     let changed = (0..plain.len()).find(|i| plain[*i] != filtered[*i]).unwrap();
     let inside = plain.len() / 2 + 16;
     for at in [changed, inside] {

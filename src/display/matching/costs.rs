@@ -19,8 +19,8 @@ const MOST: f32 = 1500.0;
 const SMOOTH: u8 = 6;
 /// Coverage from which a surface is opaque: 90 %.
 const OPAQUE: u8 = 230;
-/// Largest cost of another disparity than that of an opaque surface. Up to it, the cost is the square
-/// of the distance in levels.
+/// Largest cost that is added to a disparity for its difference from that of a smooth opaque surface.
+/// Smaller ones are the square of the difference in levels.
 const MOST_DEVIATION: f32 = 100.0;
 
 /// The costs of every second pixel in rows of them from number `first` on, within the rows' spans;
@@ -63,9 +63,9 @@ pub(super) fn costs(
     costs
 }
 
-/// Adds to the costs of other disparities than this one, the more the farther they are. It decides on
-/// smooth surfaces without texture, and where a highlight moves over them. Between levels the parabola
-/// of [`super::best`] finds it again.
+/// Adds to each cost for the difference of its disparity from this one. This decides where a surface
+/// has no texture, and where a highlight moves over it. The parabola of [`super::best`] finds
+/// disparities between the levels.
 fn prefer(costs: &mut Levels, disparity: u8) {
     let place = f32::from(disparity) * (LEVELS - 1) as f32 / 255.0;
     for (level, cost) in costs.iter_mut().enumerate() {

@@ -1,10 +1,11 @@
 //! The layer behind a picture: what the views beside it show and the picture does not.
 //!
-//! A view made of a picture has holes where a nearer surface moves away from a farther one. The views
-//! beside the picture show what is there. Each pixel of a hole is put where the picture would have it
-//! on the hole's farther side. All other pixels of the layer are those of the picture: they move like
-//! the surface before them, so they show in no hole. A hole that no view has seen is filled as without
-//! a layer.
+//! A view that is made of a picture has holes where a nearer surface moves away from a farther one. The
+//! rendered views beside the picture show the content of these holes. It belongs to the farther surface
+//! beside the hole, so it gets the disparity of that surface, and the place that it has in the picture
+//! by that disparity. All other pixels of the layer are copies of the picture. They move together with
+//! the picture and never appear in a hole. A view farther to the side can have holes that the rendered
+//! views do not show: these are filled as without a layer.
 
 use std::ops::Range;
 
@@ -23,7 +24,7 @@ pub struct HiddenLayer {
     pub disparity: Vec<u8>,
 }
 
-/// The layer behind a picture with these disparities, by two views beside it.
+/// The layer behind a picture with these disparities (0 far to 255), from two views beside it.
 ///
 /// # Panics
 /// When the pictures do not fill their sizes.
@@ -84,8 +85,8 @@ impl Hole {
         first..end.max(first)
     }
 
-    /// What a view shows in it: pixels of the picture, on the hole's farther side and behind a nearer
-    /// surface, and their colours.
+    /// What a view shows in the hole: for each of its pixels the column of the picture that it comes
+    /// from, and its colour. Columns that a nearer surface does not cover are left out.
     fn seen(
         &self,
         front: &Line<'_>,
@@ -113,8 +114,8 @@ struct Scratch {
 }
 
 impl Scratch {
-    /// The holes of a view made of a row with these disparities. Those at the border of the picture
-    /// have one side and do not count.
+    /// The holes in a view that is made of a row with these disparities. Holes at the border of the
+    /// picture are left out: they have no surface on one side.
     fn holes(&mut self, disparity: &[u8], shifts: &[i32; 256]) -> impl Iterator<Item = Hole> {
         self.pieces.clear();
         if !is_one_surface(disparity, shifts) {
@@ -132,16 +133,17 @@ impl Scratch {
     }
 }
 
-/// The rays of a view above and below a row of the picture, or twice those at its height.
+/// The rows of a view just above and below a row of the picture. Both are the same one where the view
+/// has a row at that height.
 struct ViewLine<'a> {
     above: &'a [[u8; 4]],
     below: &'a [[u8; 4]],
 }
 
 impl ViewLine<'_> {
-    /// The colour of a pixel within a hole: between the rays beside it that are in the hole too, and
-    /// of the row that is more like the hole's farther side. The mean of both rows would blur edges
-    /// along rows.
+    /// The colour of a pixel in a hole: the mean of the rays on its left and right, without rays outside
+    /// of the hole. Of both rows, the one that is more like the colour of the hole's farther side counts;
+    /// their mean would blur horizontal edges.
     fn color(&self, x: usize, hole: &Range<usize>, likely: [u8; 4]) -> [u8; 4] {
         let [left, right] = [x / 2, x.div_ceil(2)];
         let left = if 2 * left < hole.start { right } else { left };

@@ -9,9 +9,9 @@
 //! 1. [`costs`]: the difference of colours for each pixel and each of [`LEVELS`] disparities;
 //! 2. [`paths`]: the sum of those and of jumps along paths from four directions;
 //! 3. [`enlarge`]: the disparity of every pixel from those of every second one, along colours;
-//! 4. [`near_ray`]: where that is nearly the disparity of the ray, it is that of the ray.
+//! 4. [`near_ray`]: the disparity of the ray, where the found one is nearly equal.
 //!
-//! [`hidden_layer`] then collects what those views show and the picture does not.
+//! [`hidden_layer`] collects what the views beside the picture show and the picture does not.
 //!
 //! Spaces: the views beside have a ray for every second pixel of every second row, the first
 //! included, and so have costs. Shifts are in pixels of the picture, disparities 0 (far) to 255.
@@ -38,7 +38,8 @@ const STRIP_ROWS: usize = 256;
 /// Rows before and behind a strip that its paths begin in.
 const OVERLAP_ROWS: usize = 32;
 
-/// Disparities between the found one and that of a ray, up to which both are the same: one level.
+/// Largest difference between the found disparity and that of the ray at which both mean the same
+/// surface: the distance of two levels.
 const SAME: f32 = 8.0;
 
 /// Width of the background that is compared beside an outline, in places of every second pixel.
@@ -51,8 +52,8 @@ pub fn side_size_px([width, height]: [u32; 2]) -> [u32; 2] {
 }
 
 /// The disparity (0 to 255) of every pixel of a picture, in rows from the top. `rays` are the
-/// disparities of the rays: they decide on smooth opaque surfaces without texture, and count where both
-/// are nearly equal.
+/// disparities of the rays: they decide on smooth opaque surfaces without texture, and replace found ones
+/// that are nearly equal.
 ///
 /// # Panics
 /// When the pictures do not fill their sizes.
@@ -82,11 +83,11 @@ pub fn disparity_for_views(
     found
 }
 
-/// The disparity of a ray where the found one is within [`SAME`] of it, the found one from twice that
-/// on, and between both in between.
+/// The disparity of the ray up to a difference of [`SAME`], the found one from twice that difference on,
+/// and a mixture in between.
 ///
-/// There both mean the same surface. That of the ray is exact, steady in time, and where overlays on
-/// the surface are drawn; the found one has the noise of its levels.
+/// Nearly equal disparities mean the same surface. The ray's is exact, changes smoothly while the
+/// camera moves, and is that of overlays on the surface. The found one has the noise of its levels.
 fn near_ray(found: f32, ray: f32) -> f32 {
     let apart = found - ray;
     ray + apart * (apart.abs() / SAME - 1.0).clamp(0.0, 1.0)

@@ -1,13 +1,13 @@
-//! The view cone of a display: the angle between its outermost views, as the middle of the screen sees
-//! their cameras.
+//! The view cone of a display: the angle between the cameras of its outermost views, seen from the middle
+//! of the screen.
 
 use relief_base::OutOfRange;
 
-/// The angle between the outermost views, degrees.
+/// Permitted view cones, degrees.
 pub const VIEW_CONES_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
 
-/// The view cone of a Looking Glass whose calibration has none, and of quilts, degrees: that of the
-/// manufacturer's plug-ins.
+/// The view cone of quilts, and of a Looking Glass whose calibration states none, degrees. The
+/// manufacturer's plug-ins have the same default.
 pub const USUAL_VIEW_CONE_DEG: f64 = 35.0;
 
 /// Refuses an angle that is out of range.

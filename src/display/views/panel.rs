@@ -32,7 +32,7 @@ pub struct LensPanel {
     /// Whether the views behind a lens go from right to left.
     #[serde(default)]
     pub is_reversed: bool,
-    /// The angle between the outermost views, degrees; `None` leaves it to the settings.
+    /// The view cone, degrees; `None` leaves it to the settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view_cone_deg: Option<f64>,
 }

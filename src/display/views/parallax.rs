@@ -48,8 +48,8 @@ pub struct TrueViews {
 }
 
 impl TrueViews {
-    /// The eye separations between the outermost cameras that see the middle of the screen under this
-    /// angle from each other, degrees; 0 where every eye sees the same.
+    /// The eye separations between the outermost views of a view cone of this angle, degrees. 0 where
+    /// all eyes see the same picture.
     #[must_use]
     pub fn span_of_cone(&self, cone_deg: f64) -> f64 {
         let between_mm = 2.0 * (cone_deg.to_radians() / 2.0).tan() * self.converging_mm;

@@ -214,7 +214,8 @@ pub(crate) fn place(disparity: &[u8], shifts: &[i32; 256], spans: &mut Vec<Span>
         let at = pixel as i32 * UNIT;
         spans.push(Span { from: at + left, to: at + UNIT + right, pixel, disparity });
     }
-    // They are in order but at edges of depth, which this sort uses. It keeps the order of equals.
+    // Spans are in order except at edges of depth, so a sort that uses order is fast. It is stable:
+    // of equal spans, the pixel on the left comes first.
     spans.sort_by_key(|span| span.from);
 }
 
@@ -245,7 +246,7 @@ pub(crate) fn cut(spans: &[Span], active: &mut Vec<Span>, width: usize, pieces: 
     }
 }
 
-/// The next span, where it begins at or before `x` and ends before another one begins: most do.
+/// The next span, if it begins at or before `x` and no other span overlaps it, as is usual.
 fn alone(spans: &[Span], next: usize, x: i32) -> Option<&Span> {
     let span = spans.get(next).filter(|span| span.from <= x && x < span.to)?;
     spans.get(next + 1).is_none_or(|other| span.to <= other.from).then_some(span)
