@@ -128,7 +128,11 @@ async fn answer_query(
     let answered = async {
         let order = SceneQuery::from_query(query, &entry.grid)?;
         let scene = resolve(order, entry, SizeRule::of(product, media))?;
-        answer_annotated(pictures, entry, scene, headers, Reply { method: Method::GET, product, media }).await
+        let reply = Reply { method: Method::GET, product, media };
+        with_annotations(pictures, entry, scene, headers, async |scene| {
+            answer(pictures, entry, scene, headers, reply).await
+        })
+        .await
     };
     answered.await.map_err(|problem| query.blame(problem))
 }
@@ -145,20 +149,24 @@ async fn by_body(
     let media = negotiate(headers, product.formats())?;
     Query::of(uri)?.expect_empty()?;
     let scene = resolve(read_order(pictures, headers, body).await?, &entry, SizeRule::of(product, media))?;
-    answer_annotated(pictures, &entry, scene, headers, Reply { method: Method::POST, product, media }).await
+    let reply = Reply { method: Method::POST, product, media };
+    with_annotations(pictures, &entry, scene, headers, async |scene| {
+        answer(pictures, &entry, scene, headers, reply).await
+    })
+    .await
 }
 
 /// Draws the annotations that the scene wants, and answers.
-async fn answer_annotated(
+pub(super) async fn with_annotations(
     pictures: &Pictures,
     entry: &Arc<VolumeEntry>,
     mut scene: Scene,
     headers: &HeaderMap,
-    reply: Reply,
+    answer: impl AsyncFnOnce(Scene) -> Result<Response, Problem>,
 ) -> Result<Response, Problem> {
     // Before the tag: annotations are part of the scene, so the tag changes with them.
     let drawn = draw(pictures, entry, &mut scene, headers).await?;
-    let mut answered = answer(pictures, entry, scene, headers, reply).await?;
+    let mut answered = answer(scene).await?;
     if let Some(LeftOutCounts { drawn, left_out, unlabelled }) = drawn {
         let headers = answered.headers_mut();
         let silent = if unlabelled > 0 { format!(", unlabelled={unlabelled}") } else { String::new() };
@@ -168,7 +176,11 @@ async fn answer_annotated(
     Ok(answered)
 }
 
-async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Result<SceneQuery, Problem> {
+pub(super) async fn read_order(
+    pictures: &Pictures,
+    headers: &HeaderMap,
+    body: Body,
+) -> Result<SceneQuery, Problem> {
     super::guard::expect_content_type(headers, "application/json")?;
     let body = read_body(body, SCENE_BYTES, pictures.config.body_timeout).await?;
     SceneQuery::from_body(&body)
@@ -176,7 +188,7 @@ async fn read_order(pictures: &Pictures, headers: &HeaderMap, body: Body) -> Res
 
 /// The sizes that a scene may have. A scene without a size gets the layout's in both cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum SizeRule {
+pub(super) enum SizeRule {
     /// The answer is a frame in a layout, which may fix the size.
     OfLayout,
     /// The answer is only the picture or only its depth.
@@ -192,7 +204,7 @@ impl SizeRule {
 /// The complete scene. A size that contradicts the layout is refused where the answer has that
 /// layout, and a depth limit that contradicts the volume's always: nothing is rendered for what
 /// cannot be answered.
-fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
+pub(super) fn resolve(order: SceneQuery, entry: &VolumeEntry, rule: SizeRule) -> Result<Scene, Problem> {
     let scene = order.file.resolve_for(&entry.subject(), &order.orbit)?;
     if rule == SizeRule::OfLayout {
         scene.expect_size_of_layout()?;
@@ -242,11 +254,22 @@ pub(super) async fn answer_as(
     Tagged { method, media, tag }: Tagged<'_>,
     encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
 ) -> Result<Response, Problem> {
-    if let Some(status) = unchanged(headers, tag, &method) {
-        pictures.metrics.not_modified();
-        return Ok((status, validators(tag)).into_response());
+    if let Some(answer) = not_modified(pictures, headers, tag, &method) {
+        return Ok(answer);
     }
     let rendered = render(pictures, entry, scene).await?;
+    respond(pictures, entry, scene, &rendered, (media, tag), encoder).await
+}
+
+/// The response with a rendered picture: its bytes from the encoder, its camera, its warning.
+pub(super) async fn respond(
+    pictures: &Pictures,
+    entry: &Arc<VolumeEntry>,
+    scene: &Scene,
+    rendered: &Rendered,
+    (media, tag): (FileFormat, &str),
+    encoder: impl FnOnce(&RenderedFrame) -> Result<Vec<u8>, EncodingError> + Send + 'static,
+) -> Result<Response, Problem> {
     let (display, request, entry) = (scene.display.clone(), scene.request.clone(), Arc::clone(entry));
     let encoder = move |frame: &RenderedFrame| {
         let camera = camera_json(&frame.camera, frame.size_px, frame.limits_for(&display)?).to_string();
@@ -257,11 +280,11 @@ pub(super) async fn answer_as(
         })?;
         Ok(Encoded { bytes: bytes.into(), camera, warning })
     };
-    let (Encoded { bytes, camera, warning }, encode_ms) = encode_apart(pictures, &rendered, encoder).await?;
+    let (Encoded { bytes, camera, warning }, encode_ms) = encode_apart(pictures, rendered, encoder).await?;
     let mut response = (validators(tag), bytes).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media.media_type()));
-    headers.insert(&SERVER_TIMING, ascii(&timing(&rendered, encode_ms)));
+    headers.insert(&SERVER_TIMING, ascii(&timing(rendered, encode_ms)));
     headers.insert(&RELIEF_CAMERA, ascii(&camera));
     if let Some(warning) = warning {
         headers.insert(&RELIEF_WARNING, ascii(&format!("{}; {warning}", warning.code())));
@@ -269,7 +292,11 @@ pub(super) async fn answer_as(
     Ok(response)
 }
 
-async fn render(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene) -> Result<Rendered, Problem> {
+pub(super) async fn render(
+    pictures: &Pictures,
+    entry: &VolumeEntry,
+    scene: &Scene,
+) -> Result<Rendered, Problem> {
     // Before the voxels: a request that waits must not keep them in memory.
     let _turn = pictures.turns.take(pictures.caller.as_ref()).await;
     let volume = pictures.engine.voxels(entry).await?;
@@ -397,10 +424,18 @@ pub(super) fn entity_tag(pictures: &Pictures, entry: &VolumeEntry, scene: &Scene
 }
 
 /// 304 for a GET, and 412 for a POST, whose `If-None-Match` matches the answer (RFC 9110, 13.1.2).
-fn unchanged(headers: &HeaderMap, tag: &str, method: &Method) -> Option<StatusCode> {
+pub(super) fn not_modified(
+    pictures: &Pictures,
+    headers: &HeaderMap,
+    tag: &str,
+    method: &Method,
+) -> Option<Response> {
     let status =
         if *method == Method::GET { StatusCode::NOT_MODIFIED } else { StatusCode::PRECONDITION_FAILED };
-    knows_tag(headers, tag).then_some(status)
+    knows_tag(headers, tag).then(|| {
+        pictures.metrics.not_modified();
+        (status, validators(tag)).into_response()
+    })
 }
 
 fn validators(tag: &str) -> HeaderMap {

@@ -62,6 +62,7 @@ mod state;
 mod thumbnail;
 mod tls;
 mod upload;
+mod views;
 mod volumes;
 
 use std::sync::Arc;
@@ -115,6 +116,7 @@ pub fn app(server: Arc<Server>) -> Router {
         .route("/v1/volumes/{id}", get(volumes::show).delete(volumes::remove))
         .route("/v1/volumes/{id}/frame", frame::routes(Product::Frame))
         .route("/v1/volumes/{id}/frame/store", post(results::store_picture))
+        .route("/v1/volumes/{id}/views", views::routes())
         .route("/v1/volumes/{id}/depth", frame::routes(Product::Depth))
         .route("/v1/volumes/{id}/slice", get(frame::get_slice))
         .route("/v1/volumes/{id}/pick", get(frame::get_pick).post(frame::post_pick))

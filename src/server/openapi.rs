@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 
 use serde_json::{Value, json};
 
+use super::query::parameter_names;
 use relief_annotation::SnapFeature;
 use relief_display::{ContentType, DepthFilter, Layout, MAX_VIEWS, ProfileName};
 use relief_exchange::Format;
@@ -23,6 +24,9 @@ const MEDIA_KEY: &str = "x-relief-media";
 
 /// Stands for the pattern of the layouts of views.
 const GRIDS: &str = "x-relief-view-grids";
+
+/// Stands for the parameters of a scene.
+const SCENE: &str = "x-relief-scene";
 
 /// The description as it is served.
 pub(super) static DOCUMENT: LazyLock<String> = LazyLock::new(|| filled().to_string());
@@ -50,6 +54,11 @@ fn fill(value: &mut Value) {
                 let media = Format::ALL.into_iter().filter(|format| format.can_write());
                 members.extend(media.map(|format| (format.media_type().to_owned(), json!({}))));
                 members.insert("application/json".to_owned(), json!({})); // the report
+            }
+            if let Some(parameters) = members.get_mut("parameters").filter(|parameters| *parameters == SCENE)
+            {
+                let reference = |name| json!({ "$ref": format!("#/components/parameters/{name}") });
+                *parameters = parameter_names().map(reference).collect();
             }
             members.values_mut().for_each(fill);
         }
@@ -107,7 +116,6 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::query::parameter_names;
     use relief_display::DisplaySettings;
     use relief_render::{PathTrace, Quality};
     use relief_volume::Orbit;
@@ -161,7 +169,7 @@ mod tests {
     fn every_parameter_of_a_scene_is_described() {
         let document = filled();
         let own: BTreeSet<&str> = parameter_names().collect();
-        for operation in ["frame", "depth", "slice", "pick"] {
+        for operation in ["frame", "views", "depth", "slice", "pick"] {
             let parameters =
                 &document["paths"][format!("/v1/volumes/{{id}}/{operation}")]["get"]["parameters"];
             let references = parameters.as_array().unwrap().iter().map(|p| p["$ref"].as_str().unwrap());

@@ -33,7 +33,7 @@ const PAGES: [(&str, &str, &str); 4] = [
 ];
 
 /// Path, media type and content of every other file, and of the page to sign in.
-const FILES: [(&str, &str, &str); 93] = [
+const FILES: [(&str, &str, &str); 94] = [
     ("/identity.js", SCRIPT, include_str!("page/identity.js")),
     ("/sign-in", HTML, include_str!("page/sign-in.html")),
     ("/sign-in.js", SCRIPT, include_str!("page/sign-in.js")),
@@ -50,6 +50,7 @@ const FILES: [(&str, &str, &str); 93] = [
     ("/keys.js", SCRIPT, include_str!("page/keys.js")),
     ("/series.js", SCRIPT, include_str!("page/series.js")),
     ("/lengths.js", SCRIPT, include_str!("page/lengths.js")),
+    ("/likeness.js", SCRIPT, include_str!("page/likeness.js")),
     ("/notice.js", SCRIPT, include_str!("page/notice.js")),
     ("/stage.js", SCRIPT, include_str!("page/stage.js")),
     ("/picks.js", SCRIPT, include_str!("page/picks.js")),

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use relief_annotation::SnapError;
 use relief_base::OutOfRange;
-use relief_render::SceneError;
+use relief_render::{SceneError, TrueViewsError};
 use relief_session::{
     BackendError, JobError, LiveError, OpenError, ReadError, ServiceError, UploadRefused, VolumeError,
 };
@@ -195,6 +195,15 @@ impl From<&SnapError> for Problem {
     }
 }
 
+impl From<&TrueViewsError> for Problem {
+    fn from(error: &TrueViewsError) -> Self {
+        match error {
+            TrueViewsError::Settings(error) => Self::out_of_range(error),
+            _ => Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-true-views", error),
+        }
+    }
+}
+
 impl From<&LiveError> for Problem {
     fn from(error: &LiveError) -> Self {
         match error {
@@ -210,9 +219,7 @@ impl From<&LiveError> for Problem {
                 None => Self::internal("reading the annotations", cause),
             },
             LiveError::Intent(_) | LiveError::Camera(_) => Self::refused_intent(error),
-            LiveError::TrueViews(error) => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-true-views", error)
-            }
+            LiveError::TrueViews(error) => error.into(),
             LiveError::SceneKey { .. } => {
                 let problem = Self::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", error);
                 match error.path() {

@@ -177,7 +177,6 @@ const NEEDS_OF_SLICE: &[(&str, &str)] = &[("up", "normal")];
 const SLICE: &str = "mode=slice";
 
 /// Names of the parameters that a scene's query may have.
-#[cfg(test)]
 pub(super) fn parameter_names() -> impl Iterator<Item = &'static str> {
     PARAMETERS.iter().map(|parameter| parameter.name)
 }

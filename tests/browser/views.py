@@ -3,12 +3,18 @@
 usage: views.py RELIEF CHROMIUM SERIES FOLDER [STEP,...]
 """
 
+import base64
+import io
 import json
 import pathlib
 import subprocess
 import sys
 import time
 import urllib.parse
+import urllib.request
+
+import numpy
+from PIL import Image
 
 from pages import Page, Server, Window, accessibility, launched, settled
 from playwright.sync_api import sync_playwright
@@ -57,6 +63,45 @@ def address(browser, server):
     page.page.check('input[name="preview"][value=""]', force=True)
     page.wait("document.getElementById('preview').hidden")
     found["off"] = kept(page).get("preview")
+    found["problems"] = page.problems
+    page.context.close()
+    return found
+
+
+def views_of(file, columns=3, rows=3):
+    """The views of a quilt, from its PNG."""
+    quilt = numpy.asarray(Image.open(file).convert("RGB")).astype(float)
+    return [view for row in numpy.split(quilt, rows)[::-1] for view in numpy.split(row, columns, axis=1)]
+
+
+def difference(browser, server):
+    """How far made views are from true ones: the page's number and map, beside those of the pictures that it fetched and of files."""
+    page = Window(browser, server, "/#preset=skin-and-bone&az=35&el=5")
+    settled(page)
+    fetched = {}
+    page.page.on("request", lambda asked: fetched.update({"layout=views-9" in asked.url and urllib.parse.urlsplit(asked.url).path.split("/")[-1]: asked.url}))
+    page.page.check('input[name="preview"][value="difference"]', force=True)
+    page.wait("!document.getElementById('preview-words').hidden", 60)
+    page.shot("difference")
+    found = {"words": page.page.inner_text("#preview-words")}
+    map_of_page = page.page.evaluate("document.getElementById('preview').toDataURL().split(',')[1]")
+    made, true = (views_of(io.BytesIO(urllib.request.urlopen(fetched[part]).read())) for part in ("frame", "views"))
+    squares = [(one - other) ** 2 for one, other in zip(made, true)]
+    found["psnr"] = [10 * numpy.log10(255**2 / each.mean()) for each in squares if each.any()]
+    found["expected_map"] = float(numpy.sqrt(numpy.mean(squares, axis=(0, 3))).mean() * 255 / 64)
+    shown = numpy.asarray(Image.open(io.BytesIO(base64.b64decode(map_of_page))).convert("L"))
+    found["map"] = float(shown.mean())
+    asked = dict(urllib.parse.parse_qsl(urllib.parse.urlsplit(fetched["views"]).query))
+    file, scene = f"{FOLDER}/true.png", pathlib.Path(FOLDER) / "true.json"
+    scene.write_text(json.dumps({"display": {"factor": int(asked["factor"]), "offset": int(asked["offset"])}}))
+    command = [RELIEF, "render", "--series", SERIES, "--preset", asked["preset"], "--azimuth-deg", asked["azimuth_deg"], "--elevation-deg",
+               asked["elevation_deg"], "--frame", asked["frame"], "--size", asked["size_px"].replace(",", "x"), "--layout", "views-9", "--views", "true", "--adapter", "cpu",
+               "--scene", scene, "--out", file]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    found["asked"] = asked
+    found["from_file"] = max(float(numpy.abs(one - other).max()) for one, other in zip(true, views_of(file)))
+    page.page.check('input[name="preview"][value=""]', force=True)
+    page.wait("document.getElementById('preview-words').hidden")
     found["problems"] = page.problems
     page.context.close()
     return found
@@ -270,7 +315,7 @@ def main():
         with sync_playwright() as playwright:
             browser = launched(playwright, CHROMIUM)
             found = {}
-            for name, step in [("address", address), ("hands", hands), ("tools", tools), ("looks", looks)]:
+            for name, step in [("address", address), ("difference", difference), ("hands", hands), ("tools", tools), ("looks", looks)]:
                 if wanted(name):
                     found[name] = step(browser, server)
             if wanted("menus"):

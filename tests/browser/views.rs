@@ -40,6 +40,22 @@ fn choices_are_kept_in_the_address() {
 }
 
 #[test]
+fn the_difference_from_true_views_is_that_of_the_pictures_and_of_files() {
+    let Some(seen) = seen("the difference from true views on the page") else { return };
+    let difference = &seen["difference"];
+    assert_eq!(difference["problems"], json!([]));
+    let psnr = numbers(&difference["psnr"]);
+    assert!(psnr.len() >= 8 && psnr.iter().all(|db| (20.0..60.0).contains(db)), "{psnr:?}");
+    let mean = psnr.iter().sum::<f64>() / psnr.len() as f64;
+    let worst = psnr.iter().copied().fold(f64::INFINITY, f64::min);
+    let words = format!("{mean:.1} dB from true views, the worst one {worst:.1} dB.");
+    assert_eq!(difference["words"], words);
+    let [shown, expected] = ["map", "expected_map"].map(|name| number(&difference[name]));
+    assert!(expected > 0.2 && (shown - expected).abs() < 0.3, "{shown}, expected {expected}");
+    assert!(number(&difference["from_file"]) <= 1.0, "relief render --views true differs: {difference}");
+}
+
+#[test]
 fn mouse_fingers_and_keys_move_the_picture_and_typing_is_no_command() {
     let Some(seen) = seen("hands on the page") else { return };
     let hands = &seen["hands"];

@@ -37,3 +37,4 @@ mod thumbnails;
 #[allow(dead_code, reason = "other tests use the rest of it")]
 mod tools;
 mod uploads;
+mod views;

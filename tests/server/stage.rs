@@ -140,7 +140,7 @@ fn sphere(request: &RenderRequest) -> RenderedFrame {
     }
 }
 
-/// View depth of the first point of the sphere on each pixel's ray, row by row, mm; of the plane
+/// View depth of the first point of the sphere around the volume's centre on each pixel's ray, row by row, mm; of the plane
 /// through the focal point in parallel projections, which show slices.
 pub(crate) fn sphere_depths(request: &RenderRequest) -> Vec<f32> {
     let camera = &request.camera;
@@ -151,19 +151,17 @@ pub(crate) fn sphere_depths(request: &RenderRequest) -> Vec<f32> {
     }
     let [half_x, half_y] = camera.half_extent(request.size_px);
     let [shift_x, shift_y] = camera.lens_shift();
+    let center = (camera.view_from_patient() * cube().grid().center()).xyz;
     let mut depths = Vec::with_capacity(count);
     for row in 0..height {
         let y = (1.0 - (f64::from(row) + 0.5) / f64::from(height) * 2.0) * half_y + shift_y;
         for column in 0..width {
             let x = ((f64::from(column) + 0.5) / f64::from(width) * 2.0 - 1.0) * half_x + shift_x;
-            // The ray t (x, y, -1) meets |p - (0, 0, -distance)| = radius; t is the view depth.
-            let a = x * x + y * y + 1.0;
-            let discriminant = distance * distance - a * (distance * distance - SPHERE_MM * SPHERE_MM);
-            let depth = if discriminant < 0.0 {
-                f32::INFINITY
-            } else {
-                ((distance - discriminant.sqrt()) / a) as f32
-            };
+            // The ray t (x, y, -1) meets |p - center| = radius; t is the view depth.
+            let (a, along) = (x * x + y * y + 1.0, x * center.x + y * center.y - center.z);
+            let discriminant = along * along - a * (center.length_squared() - SPHERE_MM * SPHERE_MM);
+            let depth =
+                if discriminant < 0.0 { f32::INFINITY } else { ((along - discriminant.sqrt()) / a) as f32 };
             depths.push(depth);
         }
     }

@@ -34,8 +34,8 @@ impl Scope {
     /// The scope that a request needs; `route` is the pattern of its path.
     pub(super) fn needed(method: &Method, route: &str) -> Self {
         /// Requests that compute an answer from a body, and change nothing.
-        const READS_BY_POST: [&str; 7] =
-            ["/frame", "/depth", "/pick", "/snap", "/intent", "/ticket", "/wand"];
+        const READS_BY_POST: [&str; 8] =
+            ["/frame", "/views", "/depth", "/pick", "/snap", "/intent", "/ticket", "/wand"];
         if method.is_safe() || READS_BY_POST.iter().any(|end| route.ends_with(end)) {
             Self::View
         } else if route.contains("/annotations") || route.ends_with("/frame/store") {
@@ -61,6 +61,7 @@ mod tests {
         for (method, route, scope) in [
             (Method::GET, "/v1/volumes/{id}/annotations", Scope::View),
             (Method::POST, "/v1/volumes/{id}/frame", Scope::View),
+            (Method::POST, "/v1/volumes/{id}/views", Scope::View),
             (Method::POST, "/v1/session/{view}/intent", Scope::View),
             (Method::POST, "/v1/volumes/{id}/annotations/snap", Scope::View),
             (Method::POST, "/v1/volumes/{id}/annotations", Scope::Annotate),

@@ -34,7 +34,7 @@ let linked = null;
 
 const stage = new Stage({ asked, drawn });
 const picks = new Picks(() => stage.shown);
-const preview = new Preview($("preview"), panel.querySelectorAll('input[name="preview"]'), state, { chosen: remember, fail: showFailure });
+const preview = new Preview($("preview"), panel.querySelectorAll('input[name="preview"]'), $("preview-words"), state, { chosen: remember, fail: showFailure });
 const grid = new PresetGrid($("presets"), () => stage.isBusy);
 const volumeMenu = new VolumeMenu($("volumes"), { chosen: showVolume, isBusy: () => stage.isBusy });
 const refresh = (how) => stage.refresh(how);

@@ -1,6 +1,8 @@
-// A preview of a 3D display: the views of a frame as a wiggle, in a grid, or as an anaglyph. The
-// server synthesises them from colour and depth, as layouts of a frame.
+// A preview of a 3D display: the views of a frame as a wiggle, in a grid, or as an anaglyph, or their
+// difference from true views. The server makes them of colour and depth, as layouts of a frame, and renders
+// the true ones.
 
+import { compare, inWords } from "./likeness.js";
 import { request, stageQuery } from "./view.js";
 
 /** Kinds of previews: the requested layout, and the greatest number of pixels of a view. */
@@ -8,6 +10,7 @@ const KINDS = {
   wiggle: { layout: "views-9", pixels: 250_000 },
   anaglyph: { layout: "anaglyph", pixels: 600_000 },
   views: { layout: "views-9", pixels: 120_000 },
+  difference: { layout: "views-9", pixels: 120_000 },
 };
 /** Columns and rows of the nine views; the leftmost is at the bottom left. */
 const GRID = [3, 3];
@@ -26,15 +29,18 @@ function viewOf(step, count = GRID[0] * GRID[1]) {
   return at < count ? at : 2 * count - 2 - at;
 }
 
-/** The address of a preview of the state's picture for a stage of CSS pixels; it covers the picture exactly. */
-function previewUrl(kind, state, [width, height]) {
+/**
+ * The address of a preview of the state's picture for a stage of CSS pixels; it covers the picture exactly. The last part of the path is
+ * `frame` for views made of picture and depth, `views` for true ones.
+ */
+function previewUrl(kind, state, [width, height], part = "frame") {
   const { layout, pixels } = KINDS[kind];
   const scale = Math.min(1, Math.sqrt(pixels / Math.max(1, width * height)));
   const size = [width, height].map((side) => Math.max(16, Math.round(side * scale)));
   const query = stageQuery(state, size, layout);
   for (const key of ["factor", "offset"]) query.set(key, state[key]);
   if (state.profile) query.set("profile", state.profile);
-  return `/v1/volumes/${state.volume.id}/frame?${query}`;
+  return `/v1/volumes/${state.volume.id}/${part}?${query}`;
 }
 
 /** Shows previews on a canvas that lies over the stage. */
@@ -43,9 +49,12 @@ export class Preview {
   #shown = null;
   #abort = null;
 
-  /** `choices` are the radio buttons of the state's `preview`; calls `chosen` after a choice and `fail` with errors. */
-  constructor(canvas, choices, state, { chosen, fail }) {
-    Object.assign(this, { canvas, state, fail, context: canvas.getContext("2d", { alpha: false }) });
+  /**
+   * `choices` are the radio buttons of the state's `preview`, `words` an element for a comparison's result; calls
+   * `chosen` after a choice and `fail` with errors.
+   */
+  constructor(canvas, choices, words, state, { chosen, fail }) {
+    Object.assign(this, { canvas, words, state, fail, context: canvas.getContext("2d", { alpha: false }) });
     for (const choice of choices) {
       choice.addEventListener("change", () => {
         state.preview = choice.value;
@@ -65,6 +74,7 @@ export class Preview {
 
   #hide() {
     this.canvas.hidden = true;
+    this.words.hidden = true;
     this.#shown?.close();
     this.#shown = null;
   }
@@ -74,19 +84,33 @@ export class Preview {
     this.#abort = abort;
     const kind = this.state.preview;
     try {
-      const { clientWidth, clientHeight } = this.canvas.parentElement;
-      const answer = await request(previewUrl(kind, this.state, [clientWidth, clientHeight]), {
-        headers: { Accept: "image/png" },
-        signal: abort.signal,
-      });
-      const bitmap = await createImageBitmap(await answer.blob());
-      if (abort.signal.aborted) return bitmap.close();
+      const parts = kind === "difference" ? ["frame", "views"] : ["frame"];
+      const bitmaps = await Promise.all(parts.map((part) => this.#bitmap(kind, part, abort.signal)));
+      if (abort.signal.aborted) return bitmaps.forEach((bitmap) => bitmap.close());
+      const [bitmap] = kind === "difference" ? [await this.#compared(bitmaps)] : bitmaps;
       this.#shown = bitmap;
       this.canvas.hidden = false;
       this.#draw(kind, bitmap);
     } catch (error) {
       if (error.name !== "AbortError") this.fail(error);
     }
+  }
+
+  async #bitmap(kind, part, signal) {
+    const { clientWidth, clientHeight } = this.canvas.parentElement;
+    const url = previewUrl(kind, this.state, [clientWidth, clientHeight], part);
+    const answer = await request(url, { headers: { Accept: "image/png" }, signal });
+    return createImageBitmap(await answer.blob());
+  }
+
+  /** Shows how far the made views are from the true ones in words; returns the map as a bitmap. */
+  async #compared([made, truth]) {
+    const { psnr, map } = compare(made, truth, GRID);
+    made.close();
+    truth.close();
+    this.words.textContent = inWords(psnr);
+    this.words.hidden = false;
+    return createImageBitmap(map);
   }
 
   #draw(kind, bitmap) {
