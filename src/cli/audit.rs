@@ -18,10 +18,13 @@ removed or rewritten.
 
 Examples:
   relief audit audit.log
+  relief audit audit.log.1 audit.log       # a log that was moved while the server wrote it
   relief audit audit.log --contains 2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824")]
 pub(super) struct AuditArguments {
-    /// The log of `relief serve --audit-log`
-    file: PathBuf,
+    /// The log of `relief serve --audit-log`; all its files, the oldest first, if it was moved while a server
+    /// wrote it
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
     /// Fail unless the log has the record of this hash
     #[arg(long, value_name = "SHA256")]
     contains: Option<String>,
@@ -31,18 +34,25 @@ pub(super) struct AuditArguments {
 }
 
 pub(super) fn run(arguments: &AuditArguments) -> anyhow::Result<ExitCode> {
-    let summary = verify_audit_log(&arguments.file, arguments.contains.as_deref())?;
+    let summary = verify_audit_log(&arguments.files, arguments.contains.as_deref())?;
     if let Some(hash) = &arguments.contains
         && !summary.contains
     {
         bail!("no record has the hash {hash}: the log was cut, or rewritten");
     }
     if arguments.json {
-        print_json(&json!({ "records": summary.records, "torn": summary.torn, "head": summary.head }))?;
+        print_json(&json!({ "records": summary.records, "torn": summary.torn, "refused": summary.refused,
+            "lost": summary.lost, "head": summary.head }))?;
     } else {
         say!("{} records, unchanged; the newest is {}", summary.records, summary.head);
         if summary.torn > 0 {
             say!("{} lines were cut off by crashes", summary.torn);
+        }
+        if summary.refused > 0 {
+            say!("{} more requests were refused, and have no record of their own", summary.refused);
+        }
+        if summary.lost > 0 {
+            say!("{} requests have no record: the disk did not take them", summary.lost);
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -7,7 +7,7 @@
 
 use std::any::Any;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::body::{Body, Bytes};
 use axum::extract::{Request, State};
@@ -19,6 +19,10 @@ use http_body_util::BodyExt;
 use super::annotations::decoded;
 use super::problem::Problem;
 use super::state::Config;
+
+/// Lowest mean rate of a body that is read into memory, after an initial
+/// [`body_timeout`](Config::body_timeout).
+const SLOWEST_BYTES_PER_S: u64 = 8 << 10;
 
 /// Refuses requests under a foreign name, and writes that come from another site's page.
 pub(super) async fn same_site(State(config): State<Arc<Config>>, request: Request, next: Next) -> Response {
@@ -113,13 +117,42 @@ pub(super) fn expect_content_type(headers: &HeaderMap, expected: &'static str) -
         .with("allowed", expected))
 }
 
+/// The time that a body may take: some patience, and then a lowest mean rate. A client that sends a byte
+/// now and then holds no place for long.
+pub(super) struct BodyTime {
+    since: Instant,
+    patience: Duration,
+    slowest_bytes_per_s: u64,
+}
+
+impl BodyTime {
+    /// Begins now.
+    pub(super) fn new(patience: Duration, slowest_bytes_per_s: u64) -> Self {
+        Self { since: Instant::now(), patience, slowest_bytes_per_s: slowest_bytes_per_s.max(1) }
+    }
+
+    /// The next part of a body of which `received` bytes are there; `None` at its end.
+    ///
+    /// # Errors
+    /// 408 when it comes too slowly, 400 when it is broken.
+    pub(super) async fn next(&self, body: &mut Body, received: u64) -> Result<Option<Bytes>, Problem> {
+        let allowed = Duration::from_secs_f64(received as f64 / self.slowest_bytes_per_s as f64);
+        let left = (self.patience + allowed).saturating_sub(self.since.elapsed());
+        if left.is_zero() {
+            let detail = format!("the body comes slower than {} bytes per second", self.slowest_bytes_per_s);
+            return Err(Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", detail));
+        }
+        next_part(body, left.min(self.patience)).await
+    }
+}
+
 /// The whole body.
 ///
 /// # Errors
-/// 413 when it is larger than the limit, 408 when its next part does not come in time.
+/// 413 when it is larger than the limit, 408 when it comes too slowly.
 pub(super) async fn read_body(mut body: Body, limit: usize, patience: Duration) -> Result<Vec<u8>, Problem> {
-    let mut whole = Vec::new();
-    while let Some(part) = next_part(&mut body, patience).await? {
+    let (time, mut whole) = (BodyTime::new(patience, SLOWEST_BYTES_PER_S), Vec::new());
+    while let Some(part) = time.next(&mut body, whole.len() as u64).await? {
         if whole.len() + part.len() > limit {
             return Err(too_large(limit as u64));
         }
@@ -129,7 +162,7 @@ pub(super) async fn read_body(mut body: Body, limit: usize, patience: Duration) 
 }
 
 /// The next part of a body; `None` at its end.
-pub(super) async fn next_part(body: &mut Body, patience: Duration) -> Result<Option<Bytes>, Problem> {
+async fn next_part(body: &mut Body, patience: Duration) -> Result<Option<Bytes>, Problem> {
     loop {
         let frame = tokio::time::timeout(patience, body.frame()).await.map_err(|_| {
             let detail = format!("nothing more of the body came within {} s", patience.as_secs_f64());

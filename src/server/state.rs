@@ -14,7 +14,7 @@ use tokio::sync::Semaphore;
 use super::annotation_service::Annotations;
 use super::archived::{Archives, SeriesArchives};
 use super::audit::AuditLog;
-use super::identity::{Admission, Tickets};
+use super::identity::{Admission, SignIns, Tickets};
 use super::live::{Live, LiveConfig};
 use super::metrics::Metrics;
 use super::shares::{self, Shares, Turns};
@@ -190,6 +190,7 @@ pub struct Server {
     pub(super) requests: Arc<Shares>,
     turns: Arc<Turns>,
     pub(super) audit: Option<Arc<AuditLog>>,
+    pub(super) sign_ins: Arc<SignIns>,
     started: Started,
 }
 
@@ -320,6 +321,7 @@ impl Server {
             requests: Arc::new(Shares::new(config.requests_per_caller)),
             turns: Arc::default(),
             audit: None,
+            sign_ins: Arc::default(),
             started: Started(Instant::now()),
             config: Arc::new(config),
         }

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::Json;
 use axum::body::Body;
@@ -15,7 +15,7 @@ use axum::response::{IntoResponse, Response};
 use tokio::io::AsyncWriteExt;
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::guard::{expect_content_type, next_part, too_large};
+use super::guard::{BodyTime, expect_content_type, too_large};
 use super::identity::Caller;
 use super::problem::Problem;
 use super::shares::Share;
@@ -147,13 +147,8 @@ async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Re
     let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
     let spooled = SpooledFile::create().map_err(failed)?;
     let mut file = tokio::fs::File::from_std(spooled.file.try_clone().map_err(failed)?);
-    let (since, mut received) = (Instant::now(), 0u64);
-    loop {
-        let left = (patience + time_for(received, limits)).saturating_sub(since.elapsed());
-        if left.is_zero() {
-            return Err(too_slow(limits));
-        }
-        let Some(part) = next_part(&mut body, left.min(patience)).await? else { break };
+    let (time, mut received) = (BodyTime::new(patience, limits.slowest_bytes_per_s), 0u64);
+    while let Some(part) = time.next(&mut body, received).await? {
         received += part.len() as u64;
         if received > limits.file_bytes {
             return Err(too_large(limits.file_bytes));
@@ -162,16 +157,6 @@ async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Re
     }
     file.flush().await.map_err(failed)?;
     Ok(spooled)
-}
-
-/// The longest time that this many bytes may take.
-fn time_for(bytes: u64, limits: UploadLimits) -> Duration {
-    Duration::from_secs_f64(bytes as f64 / limits.slowest_bytes_per_s.max(1) as f64)
-}
-
-fn too_slow(limits: UploadLimits) -> Problem {
-    let detail = format!("the upload comes slower than {} bytes per second", limits.slowest_bytes_per_s);
-    Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", detail)
 }
 
 /// Reads the series and adds its volume. Blocks.

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import time
+import urllib.parse
 
 from playwright.sync_api import sync_playwright
 
@@ -82,6 +83,16 @@ def main():
             page.wait_for_url("**/sign-in**")
             page.goto(url)
             seen["after"] = page.url.removeprefix(url)
+
+            # Links to the sign-in page lead to this server only.
+            seen["elsewhere"] = []
+            for path in ["/.//elsewhere.invalid/a", "/..//elsewhere.invalid/b", "//elsewhere.invalid/c", "\\\\elsewhere.invalid/d", "/./\\elsewhere.invalid/e",
+                         "https://elsewhere.invalid/f", "javascript:document.title='run'"]:
+                page.goto(f"{url}/sign-in?next={urllib.parse.quote(path)}")
+                page.fill("#token", anna)
+                with page.expect_navigation(url=lambda found: "/sign-in" not in found):
+                    page.click("button[type=submit]")
+                seen["elsewhere"].append(page.url.removeprefix(url).split("#")[0])
             seen["failures"] = failures
             browser.close()
     finally:

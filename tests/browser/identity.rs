@@ -18,5 +18,6 @@ fn pages_lead_to_the_sign_in_page_and_back() {
     assert_eq!((&seen["cookie_is_hidden"], &seen["kiosk"]), (&json!(true), &json!(true)));
     assert_eq!(seen["picture"], true);
     assert_eq!(seen["after"], "/sign-in?next=/");
+    assert_eq!(seen["elsewhere"], json!(["/", "/", "/", "/", "/", "/", "/"]));
     assert_eq!(seen["failures"], json!([]));
 }

@@ -43,6 +43,14 @@ impl Running {
         self.status(line, &headers, body.as_bytes())
     }
 
+    /// The answer to a page that exchanges a token for a cookie.
+    fn sign_in(&self, token: &str, headers: &str) -> (String, Vec<u8>) {
+        let body = format!("{{\"token\":\"{token}\"}}");
+        let headers =
+            format!("{headers}Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+        self.ask("POST /v1/sign-in", &headers, body.as_bytes())
+    }
+
     fn first_volume(&self, token: &str) -> String {
         let headers = format!("Authorization: Bearer {token}\r\n");
         let listed = self.ask("GET /v1/volumes", &headers, &[]).1;
@@ -186,13 +194,10 @@ fn pages_sign_in_and_open_sockets_by_tickets() {
     let arguments = ["serve", "--series", &series, "--listen", "127.0.0.1:0", "--token-file", &file];
     let running = Running::spawn(&mut relief(&arguments));
     running.await_ready();
-    let sign_in = |token: &str| {
-        let body = format!("{{\"token\":\"{token}\"}}");
-        let headers = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
-        running.ask("POST /v1/sign-in", &headers, body.as_bytes())
-    };
-    assert_eq!(status_of(&sign_in("relief_wrong")), 401);
-    let (head, _) = sign_in(&anna);
+    assert_eq!(status_of(&running.sign_in("relief_wrong", "")), 401);
+    let (head, _) = running.sign_in(&anna, "X-Forwarded-Proto: https\r\n");
+    assert!(head.contains("; Secure"), "a proxy encrypts: {head}");
+    let (head, _) = running.sign_in(&anna, "");
     let cookie = head.lines().find_map(|line| line.strip_prefix("set-cookie: ")).expect("a cookie");
     assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"), "{cookie}");
     let cookie = format!("Cookie: {}\r\n", cookie.split(';').next().unwrap());
@@ -323,8 +328,87 @@ fn only_a_trusted_proxy_names_callers() {
     assert_eq!(running.status("GET /v1/volumes", "", &[]), 401);
     let identity = running.ask("GET /v1/identity", named, &[]).1;
     assert!(String::from_utf8(identity).unwrap().contains("renée"));
+    // A client's own header beside that of a proxy that adds one.
+    for line in ["GET /v1/identity", "GET /v1/volumes"] {
+        assert_eq!(running.status(line, &format!("X-Forwarded-User: eve\r\n{named}"), &[]), 401, "{line}");
+    }
     let running = Running::spawn(&mut relief(&[&arguments[..], &["192.0.2.1"]].concat()));
     assert_eq!(running.status("GET /v1/volumes", named, &[]), 401);
+}
+
+/// Invariant: Strangers who sign in slowly delay nobody: few at a time are read, each for seconds, and the audit
+/// log has each attempt.
+#[test]
+fn strangers_who_sign_in_slowly_delay_nobody() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (file, audit) = (path("tokens"), path("audit.log"));
+    let root = token(&file, "root", "admin");
+    let arguments = ["serve", "--listen", "127.0.0.1:0", "--token-file", &file, "--audit-log", &audit];
+    let running = Running::spawn(&mut relief(&arguments));
+    assert_eq!(status_of(&running.sign_in("relief_guess", "")), 401);
+    let head = "POST /v1/sign-in HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 4000\r\n\r\n{";
+    // As many as the server has connections.
+    let strangers: Vec<TcpStream> = (0..256)
+        .map(|_| {
+            let mut stranger = TcpStream::connect(&running.address).unwrap();
+            stranger.write_all(head.as_bytes()).unwrap();
+            stranger
+        })
+        .collect();
+    let since = Instant::now();
+    assert_eq!(running.by(&root, "GET /v1/volumes", ""), 200);
+    // The limits are 5 s for a body and 20 s for an idle connection.
+    assert!(since.elapsed() < Duration::from_secs(15), "{:?}", since.elapsed());
+    let mut statuses = std::collections::BTreeMap::<u16, usize>::new();
+    for mut stranger in strangers {
+        stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let mut answer = [0; 12];
+        // Where another connection needed the place, there is no answer.
+        if stranger.read_exact(&mut answer).is_ok() {
+            *statuses.entry(std::str::from_utf8(&answer[9..]).unwrap().parse().unwrap()).or_default() += 1;
+        }
+    }
+    assert!(
+        statuses[&408] <= 16 && statuses.keys().all(|status| [408, 429].contains(status)),
+        "{statuses:?}"
+    );
+    let (code, said) = running.stop("TERM");
+    assert_eq!(code, Some(0), "{said}");
+    let text = std::fs::read_to_string(&audit).unwrap();
+    assert!(text.lines().filter(|line| line.contains("/v1/sign-in")).count() > 16, "{text}");
+    assert!(text.contains("\"status\":401") && !text.contains("relief_guess"), "{text}");
+}
+
+/// Invariant: While the file of tokens is damaged or missing, no token is accepted; once it can be read again,
+/// its tokens are.
+#[test]
+fn a_damaged_token_file_accepts_nobody() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("tokens").to_str().unwrap().to_owned();
+    let (anna, root) = (token(&file, "anna", "annotate"), token(&file, "root", "admin"));
+    let running = Running::spawn(&mut relief(&["serve", "--listen", "127.0.0.1:0", "--token-file", &file]));
+    let whole = std::fs::read_to_string(&file).unwrap();
+    let without_anna: String =
+        whole.lines().filter(|line| !line.contains("anna")).map(|line| format!("{line}\n")).collect();
+    let until = |token: &str, status: u16| {
+        let since = Instant::now();
+        while running.by(token, "GET /v1/volumes", "") != status {
+            assert!(since.elapsed() < Duration::from_secs(60), "no {status}");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    until(&anna, 200);
+    std::fs::write(&file, format!("{without_anna}a damaged line\n")).unwrap();
+    until(&anna, 401);
+    assert_eq!(running.by(&root, "GET /v1/volumes", ""), 401);
+    std::fs::write(&file, &without_anna).unwrap();
+    until(&root, 200);
+    assert_eq!(running.by(&anna, "GET /v1/volumes", ""), 401);
+    std::fs::remove_file(&file).unwrap();
+    until(&root, 401);
+    let (_, said) = running.stop("TERM");
+    assert!(said.contains("no token is accepted until it can"), "{said}");
 }
 
 /// Invariant: An upload that does not end delays no upload of another caller.

@@ -65,8 +65,19 @@ impl Admission {
         }
         let Some(proxy) = &self.proxy else { return Ok(None) };
         let is_trusted = peer.is_some_and(|peer| proxy.addresses.contains(&peer.address.ip()));
-        let named = headers.get(&proxy.header).filter(|_| is_trusted);
-        let Some(name) = named.and_then(|value| decoded(value.to_str().ok()?)) else { return Ok(None) };
+        let mut named = headers.get_all(&proxy.header).iter().filter(|_| is_trusted);
+        let Some(value) = named.next() else { return Ok(None) };
+        if named.next().is_some() {
+            // The client's own beside the proxy's: either may be the first.
+            let detail = format!(
+                "the request has several headers {}: the proxy must remove those of clients",
+                proxy.header
+            );
+            return Err(unauthorized(&detail));
+        }
+        let name = value.to_str().ok().and_then(decoded);
+        let name =
+            name.ok_or_else(|| unauthorized("the header of the proxy is not percent-encoded UTF-8"))?;
         crate::annotations::check_author(&name)?;
         Ok(Some(Identity { name, scope: proxy.scope, proof: Proof::Proxy }))
     }

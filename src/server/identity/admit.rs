@@ -10,9 +10,10 @@ use axum::response::{IntoResponse, Response};
 use super::admission::unauthorized;
 use super::caller::{Caller, Identity, Peer};
 use super::scope::Scope;
+use super::sign_ins::SignIns;
 use super::tickets::Tickets;
 use crate::annotations::{author_of, set_author};
-use crate::audit::{AuditLog, Subject};
+use crate::audit::{AuditLog, PendingRecord, Subject};
 use crate::problem::Problem;
 use crate::shares::Shares;
 use crate::state::{AppState, Config};
@@ -31,6 +32,7 @@ pub(crate) struct Door {
     tickets: Arc<Tickets>,
     requests: Arc<Shares>,
     audit: Option<Arc<AuditLog>>,
+    pub(super) sign_ins: Arc<SignIns>,
 }
 
 impl FromRef<AppState> for Door {
@@ -40,6 +42,7 @@ impl FromRef<AppState> for Door {
             tickets: Arc::clone(&server.tickets),
             requests: Arc::clone(&server.requests),
             audit: server.audit.clone(),
+            sign_ins: Arc::clone(&server.sign_ins),
         }
     }
 }
@@ -58,6 +61,23 @@ impl Door {
         let admission = &self.config.admission;
         let found = admission.identify(headers, peer)?;
         Ok(found.or_else(|| admission.identify_token(cookie(headers).filter(|_| by_cookie)?)))
+    }
+
+    /// Refuses a request that the audit log could not record.
+    pub(super) fn expect_audited(&self) -> Result<(), Problem> {
+        match &self.audit {
+            Some(log) if !log.is_kept() => {
+                log.count_refused();
+                Err(Problem::unavailable("audit-failed", "the audit log cannot be written"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Begins the record of a request.
+    pub(super) fn record(&self, caller: &Caller, request: &Request, route: &str) -> Option<PendingRecord> {
+        let log = self.audit.clone()?;
+        Some(log.begin(caller.clone(), Subject::of(request.method(), route, request.uri())))
     }
 
     /// Whether a request for a page has an identity.
@@ -95,12 +115,11 @@ impl Door {
 /// them.
 pub(crate) async fn admit_data(State(door): State<Door>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("", |path| path.as_str()).to_owned();
-    if door.audit.as_ref().is_some_and(|log| log.has_failed()) {
-        return Problem::unavailable("audit-failed", "the audit log cannot be written").into_response();
+    if let Err(problem) = door.expect_audited() {
+        return problem.into_response();
     }
     let (caller, allowed) = door.admit(&request, &route);
-    let subject = Subject::of(request.method(), &route, request.uri());
-    let mut pending = door.audit.clone().map(|log| log.begin(caller.clone(), subject));
+    let mut pending = door.record(&caller, &request, &route);
     let admitted = allowed.and_then(|()| share(&door, &caller, &route));
     let response = match admitted {
         Ok(_share) => answered(&caller, request, next).await,

@@ -2,10 +2,10 @@
 //! one WebSocket.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -16,6 +16,7 @@ use super::admission::unauthorized;
 use super::admit::{COOKIE, Door, cookie};
 use super::caller::{Caller, Peer};
 use super::tickets::{LIFETIME, Tickets};
+use super::token_file::TokenEntry;
 use crate::guard::{expect_content_type, read_body};
 use crate::problem::Problem;
 use crate::state::AppState;
@@ -24,6 +25,8 @@ use crate::state::AppState;
 const SIGNED_IN_S: u64 = 12 * 3600;
 /// Largest request to sign in.
 const MOST_BYTES: usize = 4 << 10;
+/// Longest time for that request to arrive.
+const MOST_TIME: Duration = Duration::from_secs(5);
 
 /// Routes that need no identity.
 pub(crate) fn routes() -> Router<AppState> {
@@ -55,32 +58,63 @@ struct SignInBody {
     token: String,
 }
 
-async fn sign_in(
-    State(door): State<Door>,
-    peer: Option<axum::Extension<Peer>>,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Problem> {
-    expect_content_type(&headers, "application/json")?;
-    let body = read_body(body, MOST_BYTES, door.config.body_timeout).await?;
-    let SignInBody { token } = serde_json::from_slice(&body).map_err(|_| {
-        let detail = "the body is not {\"token\": \"...\"}";
-        Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", "token")
-    })?;
+async fn sign_in(State(door): State<Door>, request: Request) -> Response {
+    if let Err(problem) = door.expect_audited() {
+        return problem.into_response();
+    }
+    let peer = request.extensions().get::<Peer>();
+    let mut caller = Caller { identity: None, address: peer.map(|peer| peer.address.ip()) };
+    let is_encrypted = is_encrypted(&request);
+    let mut pending = door.record(&caller, &request, "/v1/sign-in");
+    let response = match entry_of(&door, &caller, request).await {
+        Ok((token, entry)) => {
+            let body = json!({ "name": entry.name, "scope": entry.scope });
+            caller.identity = Some(entry.into());
+            let set = set_cookie(&token, SIGNED_IN_S, is_encrypted);
+            (set, [(header::CACHE_CONTROL, "no-store")], Json(body)).into_response()
+        }
+        Err(problem) => problem.into_response(),
+    };
+    if let Some(pending) = &mut pending {
+        pending.answered_to(caller, response.status().as_u16());
+    }
+    response
+}
+
+/// The token in the body of a request, and its entry.
+async fn entry_of(door: &Door, caller: &Caller, request: Request) -> Result<(String, TokenEntry), Problem> {
     let Some(tokens) = &door.config.admission.tokens else {
         let detail = "this server has no tokens: start it with --token-file";
         return Err(Problem::new(StatusCode::NOT_FOUND, "no-sign-in", detail));
     };
-    let entry = tokens.find(token.trim());
-    let entry = entry.ok_or_else(|| unauthorized("the token is unknown or has expired"))?;
-    let set = set_cookie(token.trim(), SIGNED_IN_S, peer.is_some_and(|peer| peer.is_encrypted));
-    let body = json!({ "name": entry.name, "scope": entry.scope });
-    Ok((set, [(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+    let _place = door.sign_ins.take(caller).ok_or_else(|| {
+        let detail = "too many callers are signing in; try again in a few seconds";
+        Problem::new(StatusCode::TOO_MANY_REQUESTS, "too-many-sign-ins", detail)
+    })?;
+    expect_content_type(request.headers(), "application/json")?;
+    let reading = read_body(request.into_body(), MOST_BYTES, door.config.body_timeout);
+    let body = tokio::time::timeout(MOST_TIME, reading).await.map_err(|_| {
+        let detail = format!("the body did not come within {} s", MOST_TIME.as_secs());
+        Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", detail)
+    })??;
+    let SignInBody { token } = serde_json::from_slice(&body).map_err(|_| {
+        let detail = "the body is not {\"token\": \"...\"}";
+        Problem::new(StatusCode::BAD_REQUEST, "malformed-json", detail).with("path", "token")
+    })?;
+    let token = token.trim().to_owned();
+    let entry = tokens.find(&token).ok_or_else(|| unauthorized("the token is unknown or has expired"))?;
+    Ok((token, entry))
 }
 
-async fn sign_out(peer: Option<axum::Extension<Peer>>) -> Response {
-    let is_encrypted = peer.is_some_and(|peer| peer.is_encrypted);
-    (StatusCode::NO_CONTENT, set_cookie("", 0, is_encrypted)).into_response()
+async fn sign_out(request: Request) -> Response {
+    (StatusCode::NO_CONTENT, set_cookie("", 0, is_encrypted(&request))).into_response()
+}
+
+/// Whether the browser's connection is encrypted, to this server or to a proxy before it. A client that
+/// claims it falsely keeps its own cookie from plain connections, and nothing else.
+fn is_encrypted(request: &Request) -> bool {
+    let by_proxy = request.headers().get("x-forwarded-proto").is_some_and(|value| value == "https");
+    by_proxy || request.extensions().get::<Peer>().is_some_and(|peer| peer.is_encrypted)
 }
 
 /// No script reads the cookie, and no other site's page sends it.

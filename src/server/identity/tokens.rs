@@ -12,7 +12,8 @@ use relief_base::sha256_of;
 /// The shortest time between two checks of the file.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// The tokens of a file. A file that becomes unreadable leaves the last tokens valid.
+/// The tokens of a file. While the file cannot be read, no token is valid: one of them may have been
+/// removed.
 #[derive(Debug)]
 pub struct Tokens {
     path: PathBuf,
@@ -67,11 +68,22 @@ impl Tokens {
         if known.looked.elapsed() >= INTERVAL {
             known.looked = Instant::now();
             let now = version(&self.path);
-            if now != known.version {
+            if now != known.version || known.version.is_none() {
                 match read_tokens(&self.path) {
-                    Ok(entries) => (known.entries, known.version) = (entries, now),
+                    Ok(entries) => {
+                        if known.version.is_none() {
+                            tracing::warn!("the token file can be read again");
+                        }
+                        (known.entries, known.version) = (entries, now);
+                    }
                     Err(error) => {
-                        tracing::error!(%error, "the token file has changed and cannot be read; the earlier tokens stay");
+                        if known.version.is_some() {
+                            tracing::error!(
+                                error = &error as &dyn std::error::Error,
+                                "the token file cannot be read; no token is accepted until it can"
+                            );
+                        }
+                        (known.entries, known.version) = (Vec::new(), None);
                     }
                 }
             }

@@ -3,11 +3,12 @@
 const form = document.getElementById("form");
 const problem = document.getElementById("problem");
 
-/** The page to open afterwards: a path of this server only. */
+/** The page to open afterwards: a path of this server only. A path that begins with two slashes would name another host. */
 function next() {
   const wanted = new URLSearchParams(location.search).get("next") ?? "/";
   const url = new URL(wanted, location.origin);
-  return url.origin === location.origin && url.pathname !== "/sign-in" ? url.pathname + url.hash : "/";
+  const isHere = url.origin === location.origin && !/^[/\\]{2}/.test(url.pathname);
+  return isHere && url.pathname !== "/sign-in" ? url.pathname + url.hash : "/";
 }
 
 function fail(text) {
