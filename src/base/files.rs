@@ -66,3 +66,30 @@ pub fn sha256_of_file(path: &Path) -> std::io::Result<String> {
         }
     }
 }
+/// What tells one file from another, whatever its path: device and number of the file. Where the system has no
+/// such numbers, all files are equal: one that was removed is noticed, one that was replaced is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileId([u64; 2]);
+
+impl FileId {
+    /// Of the file with these properties.
+    #[must_use]
+    pub fn of(metadata: &std::fs::Metadata) -> Self {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::MetadataExt;
+            Self([metadata.dev(), metadata.ino()])
+        }
+        #[cfg(not(unix))]
+        {
+            let _ = metadata;
+            Self([0; 2])
+        }
+    }
+
+    /// Of the file at a path; `None` where there is none.
+    #[must_use]
+    pub fn at(path: &Path) -> Option<Self> {
+        std::fs::metadata(path).ok().map(|metadata| Self::of(&metadata))
+    }
+}

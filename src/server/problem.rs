@@ -58,6 +58,11 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, kind, detail)
     }
 
+    /// What is wrong, in words.
+    pub(super) fn detail(&self) -> &str {
+        &self.detail
+    }
+
     /// The view refuses an intent.
     pub(super) fn refused_intent(error: impl Display) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "refused-intent", error).with("path", "intent")

@@ -45,12 +45,14 @@ impl Store {
         Ok(id)
     }
 
-    /// Bytes of all contents together.
+    /// Bytes of all contents together, and of all texts that sets and templates have had: none of them is ever
+    /// removed.
     ///
     /// # Errors
     /// Errors of the database.
     pub async fn content_bytes(&self) -> Result<u64, StoreError> {
-        let sum = "SELECT CAST(coalesce(sum(length(bytes)), 0) AS BIGINT) FROM contents";
+        let sum = "SELECT CAST((SELECT coalesce(sum(length(bytes)), 0) FROM contents) \
+            + (SELECT coalesce(sum(length(body)), 0) FROM audit) AS BIGINT)";
         let row = sqlx::query(sum).fetch_one(&self.read()).await?;
         unsigned(&row, 0)
     }

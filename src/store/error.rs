@@ -105,6 +105,12 @@ pub enum StoreError {
     /// The log exists, and its content is inconsistent.
     #[error("the log is damaged: {0}; keep this file and continue with a backup")]
     Damaged(#[from] Damage),
+    /// A set or template belongs to somebody else.
+    #[error("{name:?} belongs to another author")]
+    NotOwner {
+        /// Its name.
+        name: String,
+    },
     /// A set or template is not what its editor saw.
     #[error("{name:?} was changed meanwhile; read it again")]
     Replaced {
@@ -123,6 +129,11 @@ pub enum StoreError {
     /// It cannot be opened, or the connection broke.
     #[error("cannot reach the log: {0}")]
     Unreachable(Cause),
+    /// The file of the log was moved, removed or replaced since it was opened.
+    #[error(
+        "the file of the log is not at its path any more: put it back, or restart the program with another one"
+    )]
+    FileGone,
     /// The connection cannot be encrypted.
     #[error(
         "the connection to the log cannot be encrypted: {0}; for a database without TLS in a trusted network, add ?sslmode=disable to its address"

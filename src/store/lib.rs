@@ -33,6 +33,7 @@ mod faults;
 mod history;
 #[cfg(feature = "postgres")]
 mod listen;
+mod log_file;
 mod named;
 mod place;
 mod pools;
@@ -52,11 +53,12 @@ use tokio::time::timeout;
 pub use check::Checked;
 pub use error::{Cause, Damage, ForeignFile, LocationError, StoreError};
 pub use faults::StoreFaults;
-pub use named::{Audited, AuditedKind};
+pub use named::{Audited, AuditedKind, NamedState, Permission};
 pub use query::{Filter, Listing, LogFilter};
 pub use watch::{Changed, Watch};
 
 use error::ConnectionFault;
+use log_file::LogFile;
 use place::{DatabaseAddress, DatabaseKind};
 use pools::{Current, PATIENCE, Pools, READERS};
 
@@ -71,6 +73,8 @@ pub struct Store {
     kind: DatabaseKind,
     options: AnyConnectOptions,
     pools: Arc<Pools>,
+    /// `None` where the log is no file.
+    file: Option<Arc<LogFile>>,
 }
 
 impl std::fmt::Debug for Store {
@@ -109,10 +113,10 @@ impl Store {
     }
 
     async fn open_place(place: &DatabaseAddress, faults: StoreFaults) -> Result<Self, StoreError> {
-        schema::prepare(place).await?;
+        let file = schema::prepare(place).await?.map(Arc::new);
         let (kind, options) = (place.kind, place.options.clone());
         let pools = Arc::new(Pools::new(kind, place.read_only, options.clone(), faults));
-        Ok(Self { kind, options, pools })
+        Ok(Self { kind, options, pools, file })
     }
 
     /// Closes all connections, when the calls that are under way are done. A SQLite log is one file
@@ -134,6 +138,9 @@ impl Store {
 
     /// A transaction that changes something: no other connection writes until it ends.
     async fn begin_write(&self) -> Result<Transaction<'static, Any>, StoreError> {
+        if self.file.as_ref().is_some_and(|file| !file.is_there()) {
+            return Err(StoreError::FileGone);
+        }
         let statement = match self.kind {
             DatabaseKind::Sqlite => "BEGIN IMMEDIATE",
             DatabaseKind::Postgres => "BEGIN",

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use futures_util::TryStreamExt;
 use sqlx::Row;
 
 use super::error::{Damage, StoreError};
@@ -21,6 +22,28 @@ pub enum AuditedKind {
     Set,
     /// A template.
     Template,
+}
+
+/// What is known of a set or template at the time of its change, in the same transaction.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NamedState {
+    /// The stored text; `None` where there is none yet.
+    pub text: Option<String>,
+    /// The author of its first text.
+    pub creator: Option<String>,
+    /// Whether a set has items of other authors than the one who changes it.
+    pub has_items_of_others: bool,
+}
+
+/// Whether a set or template may be changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Permission {
+    /// It may.
+    Granted,
+    /// The author has seen another text than the stored one.
+    Replaced,
+    /// It belongs to somebody else.
+    NotOwner,
 }
 
 /// A set or template, with its creator.
@@ -78,19 +101,19 @@ impl Store {
     /// # Errors
     /// [`StoreError::Invalid`], and errors of the database.
     pub async fn put_set(&self, set: &Set, author: &str) -> Result<(), StoreError> {
-        self.put_set_if(set, author, |_| true).await
+        self.put_set_if(set, author, |_| Permission::Granted).await
     }
 
-    /// Makes or replaces a set if `may` returns true for the stored text (`None` for a new set).
+    /// Makes or replaces a set if `may` permits it.
     ///
     /// # Errors
-    /// [`StoreError::Replaced`] if `may` returns false, [`StoreError::Invalid`], and errors of the
-    /// database.
+    /// [`StoreError::Replaced`] and [`StoreError::NotOwner`] as `may` says, [`StoreError::Invalid`], and errors of
+    /// the database.
     pub async fn put_set_if(
         &self,
         set: &Set,
         author: &str,
-        may: impl Fn(Option<&str>) -> bool + Send,
+        may: impl Fn(&NamedState) -> Permission + Send,
     ) -> Result<(), StoreError> {
         Set::check_name(&set.name)?;
         set.template.as_deref().map_or(Ok(()), Set::check_name)?;
@@ -126,20 +149,20 @@ impl Store {
     /// [`StoreError::Invalid`] for an invalid name or a text above 1 MiB, and errors of
     /// the database.
     pub async fn put_template(&self, name: &str, body: &str, author: &str) -> Result<(), StoreError> {
-        self.put_template_if(name, body, author, |_| true).await
+        self.put_template_if(name, body, author, |_| Permission::Granted).await
     }
 
-    /// Creates or replaces a template if `may` returns true for the stored text (`None` for a new
-    /// template).
+    /// Creates or replaces a template if `may` permits it.
     ///
     /// # Errors
-    /// [`StoreError::Replaced`] if `may` returns false, and those of [`Self::put_template`].
+    /// [`StoreError::Replaced`] and [`StoreError::NotOwner`] as `may` says, and those of
+    /// [`Self::put_template`].
     pub async fn put_template_if(
         &self,
         name: &str,
         body: &str,
         author: &str,
-        may: impl Fn(Option<&str>) -> bool + Send,
+        may: impl Fn(&NamedState) -> Permission + Send,
     ) -> Result<(), StoreError> {
         Set::check_name(name).map_err(|error| OutOfRange { path: "template".to_owned(), ..error })?;
         if body.len() > LONGEST_TEMPLATE || body.contains('\0') {
@@ -178,7 +201,7 @@ impl Store {
         name: &str,
         body: &str,
         author: &str,
-        may: impl Fn(Option<&str>) -> bool + Send,
+        may: impl Fn(&NamedState) -> Permission + Send,
     ) -> Result<(), StoreError> {
         Edit::check_words(author, "")?;
         let (known, upsert) = match kind {
@@ -194,9 +217,16 @@ impl Store {
         };
         let mut transaction = self.begin_write().await?;
         let known = sqlx::query(known).bind(name).fetch_optional(&mut *transaction).await?;
-        let known: Option<String> = known.map(|row| row.try_get(0)).transpose()?;
-        if !may(known.as_deref()) {
-            return Err(StoreError::Replaced { name: name.to_owned() });
+        let text: Option<String> = known.map(|row| row.try_get(0)).transpose()?;
+        let first = "SELECT author FROM audit WHERE kind = $1 AND name = $2 ORDER BY seq LIMIT 1";
+        let first = sqlx::query(first).bind(kind.word()).bind(name).fetch_optional(&mut *transaction).await?;
+        let creator = first.map(|row| row.try_get(0)).transpose()?;
+        let has_items_of_others =
+            kind == AuditedKind::Set && items_of_others(&mut transaction, name, author).await?;
+        match may(&NamedState { text, creator, has_items_of_others }) {
+            Permission::Granted => {}
+            Permission::Replaced => return Err(StoreError::Replaced { name: name.to_owned() }),
+            Permission::NotOwner => return Err(StoreError::NotOwner { name: name.to_owned() }),
         }
         let last =
             sqlx::query("SELECT coalesce(max(seq), 0) FROM audit").fetch_one(&mut *transaction).await?;
@@ -216,4 +246,27 @@ impl Store {
         self.announce(&mut transaction, watch::AUDIT, seq).await?;
         Ok(transaction.commit().await?)
     }
+}
+
+/// Whether a set has items of other authors.
+async fn items_of_others(
+    connection: &mut sqlx::AnyConnection,
+    set: &str,
+    author: &str,
+) -> Result<bool, StoreError> {
+    let query = "SELECT item FROM items WHERE set_name = $1 AND item IS NOT NULL";
+    let mut rows = sqlx::query(query).bind(set).fetch(connection);
+    while let Some(row) = rows.try_next().await? {
+        let author_of = |item: ItemAuthor| item.author;
+        // A damaged item belongs to nobody here.
+        if serde_json::from_str(row.try_get(0)?).map(author_of).ok().as_deref() != Some(author) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+#[derive(serde::Deserialize)]
+struct ItemAuthor {
+    author: String,
 }

@@ -4,6 +4,7 @@ use sqlx::{AnyConnection, AssertSqlSafe, ConnectOptions, Connection, Executor, R
 
 use super::error::{Damage, ForeignFile, StoreError};
 use super::faults::StoreFaults;
+use super::log_file::LogFile;
 use super::place::{DatabaseAddress, DatabaseKind};
 
 /// The newest schema that this version knows, and the one that it makes.
@@ -106,20 +107,23 @@ const APPEND_ONLY: [&str; 3] = ["events", "contents", "audit"];
 /// Checks that the place has a log of a known schema, and creates one where there is nothing.
 ///
 /// By a connection of its own: a pool tries again and again where one fails, and does not say why.
-pub(super) async fn prepare(place: &DatabaseAddress) -> Result<(), StoreError> {
+pub(super) async fn prepare(place: &DatabaseAddress) -> Result<Option<LogFile>, StoreError> {
     let mut connection = place.options.connect().await?;
     let prepared = match place.kind {
-        DatabaseKind::Sqlite => prepare_sqlite(&mut connection, place.read_only).await,
-        DatabaseKind::Postgres => prepare_postgres(&mut connection).await,
+        DatabaseKind::Sqlite => prepare_sqlite(&mut connection, place.read_only).await.map(Some),
+        DatabaseKind::Postgres => prepare_postgres(&mut connection).await.map(|()| None),
     };
     // The schema is committed; an error on closing does not change it.
     let _ = connection.close().await;
     prepared
 }
 
-async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Result<(), StoreError> {
+async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Result<LogFile, StoreError> {
     connection.execute("PRAGMA busy_timeout = 30000").await?;
-    if is_empty_sqlite(connection).await? {
+    let path = sqlx::query("SELECT file FROM pragma_database_list WHERE name = 'main'");
+    let path: String = path.fetch_one(&mut *connection).await?.try_get(0)?;
+    let is_new = is_empty_sqlite(connection).await?;
+    if is_new {
         if read_only {
             return Err(StoreError::Foreign(ForeignFile::Empty));
         }
@@ -135,7 +139,12 @@ async fn prepare_sqlite(connection: &mut AnyConnection, read_only: bool) -> Resu
         return Err(StoreError::Foreign(ForeignFile::Sqlite));
     }
     check_schema(connection).await?;
-    Ok(settle(connection, DatabaseKind::Sqlite, read_only, StoreFaults::default()).await?)
+    settle(connection, DatabaseKind::Sqlite, read_only, StoreFaults::default()).await?;
+    let file = LogFile::at(path.into());
+    if is_new {
+        file.keep_private().map_err(|error| StoreError::Database(sqlx::Error::from(error).into()))?;
+    }
+    Ok(file)
 }
 
 /// Whether the file has no tables yet.

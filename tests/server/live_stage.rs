@@ -48,6 +48,10 @@ impl Running {
         Self::on(Stage::annotated().await).await
     }
 
+    pub(crate) async fn annotated_with(config: Config) -> Self {
+        Self::on(Stage::annotated_with(config).await).await
+    }
+
     /// A server with annotations of a volume in which there is the sphere that is shown.
     pub(crate) async fn annotated_sphere() -> Self {
         Self::on(Stage::annotated_sphere().await).await
@@ -110,9 +114,15 @@ impl Running {
     }
 
     /// A session: the client and its welcome message.
-    pub(crate) async fn hello(&self, mut hello: Value) -> (Client, Value) {
+    pub(crate) async fn hello(&self, hello: Value) -> (Client, Value) {
+        self.hello_as(&[], hello).await
+    }
+
+    /// A session of the caller whom these headers name.
+    pub(crate) async fn hello_as(&self, headers: &[(&str, &str)], mut hello: Value) -> (Client, Value) {
         hello["type"] = "hello".into();
-        let mut client = self.connect(&[("sec-websocket-protocol", SUBPROTOCOL)]).await.unwrap();
+        let headers = [&[("sec-websocket-protocol", SUBPROTOCOL)], headers].concat();
+        let mut client = self.connect(&headers).await.unwrap();
         client.send(&hello).await;
         let welcome = client.event("welcome").await;
         (client, welcome)

@@ -26,6 +26,7 @@ mod live_stage;
 mod made;
 mod memory;
 mod operation;
+mod owners;
 mod phases;
 mod problems;
 mod quantities;

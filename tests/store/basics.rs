@@ -1,7 +1,7 @@
 //! Edits, listings, the log, locks, contents, sets and templates: what holds of both databases.
 
 use relief_annotation::{ContentId, EventKind, FrameOfReference, Geometry, Item, RegionSummary, Set};
-use relief_store::{Checked, Filter, LogFilter, Store, StoreError};
+use relief_store::{Checked, Filter, LogFilter, NamedState, Permission, Store, StoreError};
 
 use crate::store::made::{create, delete, edit, named, names, point, seqs, update};
 
@@ -203,8 +203,26 @@ async fn sets_and_templates_are_kept_with_who_made_them(store: &Store) {
     assert_eq!(store.sets().await.unwrap(), [set("anna", Some("anna")), set("default", None)]);
     assert!(matches!(store.put_set(&set("a b", None), "chief").await, Err(StoreError::Invalid(_))));
     assert!(matches!(store.put_set(&set("b", None), "").await, Err(StoreError::Invalid(_))));
-    let refused = store.put_set_if(&set("anna", None), "eve", |known| known.is_none()).await;
+    let refused = store
+        .put_set_if(&set("anna", None), "eve", |known| {
+            assert_eq!((known.creator.as_deref(), known.has_items_of_others), (Some("chief"), false));
+            assert!(
+                known.text.as_ref().is_some_and(|text| text.contains("\"reader\":\"anna\"")),
+                "{known:?}"
+            );
+            Permission::Replaced
+        })
+        .await;
     assert!(matches!(refused, Err(StoreError::Replaced { name }) if name == "anna"));
+    // The only item of the default set is anna's.
+    for (author, has_items_of_others) in [("anna", false), ("eve", true)] {
+        let own = |known: &NamedState| {
+            assert_eq!((&known.creator, known.has_items_of_others), (&None, has_items_of_others), "{author}");
+            Permission::NotOwner
+        };
+        let refused = store.put_set_if(&set("default", None), author, own).await;
+        assert!(matches!(refused, Err(StoreError::NotOwner { name }) if name == "default"));
+    }
     assert!(matches!(store.template("skull").await, Err(StoreError::NoTemplate { .. })));
     store.put_template("skull", "{\"a\":1}", "chief").await.unwrap();
     store.put_template("skull", "{}", "anna").await.unwrap();

@@ -247,3 +247,50 @@ async fn an_edit_that_finds_no_room_leaves_nothing() {
     store.apply(&edit("anna", large)).await.unwrap();
     assert_eq!(store.check().await.unwrap().items, 3200);
 }
+
+/// Invariant: A log whose file was moved, removed or replaced acknowledges no change, and does again once the file is
+/// back at its path.
+#[tokio::test]
+async fn a_file_that_is_gone_takes_no_edits() {
+    let folder = tempfile::tempdir().unwrap();
+    let [place, away, other] = ["log.db", "away.db", "other.db"].map(|name| folder.path().join(name));
+    let store = Store::open(place.to_str().unwrap()).await.unwrap();
+    store.apply(&edit("anna", vec![create(&point("a", 0.0))])).await.unwrap();
+    std::fs::rename(&place, &away).unwrap();
+    let gone = store.apply(&edit("anna", vec![create(&point("b", 0.0))])).await;
+    assert!(matches!(gone, Err(StoreError::FileGone)), "{gone:?}");
+    assert!(!place.exists(), "no empty log takes its place");
+    // Another file at the path is another log.
+    Store::open(other.to_str().unwrap()).await.unwrap().close().await;
+    std::fs::rename(&other, &place).unwrap();
+    let replaced = store.put_template("t", "{}", "anna").await;
+    assert!(matches!(replaced, Err(StoreError::FileGone)), "{replaced:?}");
+    std::fs::rename(&away, &place).unwrap();
+    store.apply(&edit("anna", vec![create(&point("c", 0.0))])).await.unwrap();
+    store.close().await;
+    let again = Store::open(place.to_str().unwrap()).await.unwrap();
+    assert_eq!(again.check().await.unwrap().items, 2);
+}
+
+/// Invariant: A new log is readable by its owner alone, and so are the files beside it; the mode of an existing one
+/// stays.
+#[cfg(unix)]
+#[tokio::test]
+async fn a_new_log_is_private() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("log.db");
+    let modes = || {
+        let files = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap());
+        files.map(|file| file.metadata().unwrap().permissions().mode() & 0o777).collect::<Vec<_>>()
+    };
+    let store = Store::open(place.to_str().unwrap()).await.unwrap();
+    store.apply(&edit("anna", vec![create(&point("a", 0.0))])).await.unwrap();
+    assert_eq!(modes(), [0o600; 3], "the log, its -wal and its -shm");
+    store.close().await;
+    std::fs::set_permissions(&place, std::fs::Permissions::from_mode(0o640)).unwrap();
+    let store = Store::open(place.to_str().unwrap()).await.unwrap();
+    store.apply(&edit("anna", vec![create(&point("b", 0.0))])).await.unwrap();
+    assert_eq!(modes(), [0o640; 3]);
+    drop(store);
+}

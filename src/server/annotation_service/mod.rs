@@ -9,6 +9,7 @@
 mod apply;
 mod follow;
 mod outward;
+mod ownership;
 mod published;
 mod refusal;
 mod service;
@@ -20,6 +21,7 @@ mod visible;
 
 pub(crate) use follow::follow;
 pub(crate) use outward::{outward_event, outward_versioned};
+pub(crate) use ownership::{Named, permission};
 pub(crate) use published::{HistoryStep, Home, Published};
 pub(crate) use refusal::{invalid, no_such_item};
 pub(crate) use service::{Annotations, of};

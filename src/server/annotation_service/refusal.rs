@@ -31,7 +31,9 @@ impl From<StoreError> for Problem {
             StoreError::NothingToUndo => refuse(StatusCode::CONFLICT, "nothing-to-undo"),
             StoreError::NothingToRedo => refuse(StatusCode::CONFLICT, "nothing-to-redo"),
             StoreError::Replaced { .. } => refuse(StatusCode::PRECONDITION_FAILED, "changed-meanwhile"),
+            StoreError::NotOwner { .. } => refuse(StatusCode::FORBIDDEN, "not-owner"),
             StoreError::ReadOnly => refuse(StatusCode::FORBIDDEN, "read-only"),
+            StoreError::FileGone => Self::unavailable("log-gone", said),
             StoreError::Busy => Self::unavailable("busy", said),
             StoreError::Full => refuse(StatusCode::INSUFFICIENT_STORAGE, "log-full"),
             // These messages name files and databases: they are logged, not sent.

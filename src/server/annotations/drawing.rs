@@ -1,6 +1,7 @@
 //! Annotations over pictures: which items a picture shows to whom, and the shapes of those that are
 //! surfaces.
 
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::sync::Arc;
 
@@ -28,24 +29,26 @@ pub(crate) async fn draw(
         return Ok(None);
     }
     let author = author_of(headers)?;
-    let drawables =
-        of(pictures.annotations.as_ref())?.drawables_of(entry, &scene.annotations, author.as_deref()).await?;
+    let (annotations, shown) = (of(pictures.annotations.as_ref())?, &scene.annotations);
+    let drawables = annotations.drawables_of(entry, shown, author.as_deref(), &BTreeSet::new()).await?;
     Ok(Some(drawables.draw(&mut scene.request, &scene.display, &entry.grid)))
 }
 
 impl Annotations {
-    /// The drawables of a volume's items for this author.
+    /// The drawables of a volume's items that this author and all of these readers may see.
     pub(crate) async fn drawables_of(
         &self,
         entry: &VolumeEntry,
         shown: &ShownSets,
         author: Option<&str>,
+        readers: &BTreeSet<String>,
     ) -> Result<Drawables, Problem> {
         let snapshot = self.snapshot(&entry.frame_of_reference()).await?;
-        let visible = Visible::new(&snapshot.sets, author);
+        let of_readers = readers.iter().map(|reader| Visible::new(&snapshot.sets, Some(reader)));
+        let all: Vec<_> = std::iter::once(Visible::new(&snapshot.sets, author)).chain(of_readers).collect();
+        let is_visible = |set: &str| all.iter().all(|visible| visible.sees(set));
         let phase = entry.phase().map(|phase| phase.number);
-        let is_drawn =
-            |item: &Item| shown.has(&item.set) && visible.sees(&item.set) && item.is_in_phase(phase);
+        let is_drawn = |item: &Item| shown.has(&item.set) && is_visible(&item.set) && item.is_in_phase(phase);
         let items: Vec<&Item> =
             snapshot.items.iter().map(|known| &known.item).filter(|item| is_drawn(item)).collect();
         let shapes = self.shapes(&items).await?;
@@ -59,7 +62,9 @@ impl DrawableSource for Annotations {
     }
 
     async fn drawables(&self, wanted: &DrawablesWanted) -> Result<Drawables, Arc<dyn Error + Send + Sync>> {
-        let DrawablesWanted { entry, shown, author } = wanted;
-        self.drawables_of(entry, shown, author.as_deref()).await.map_err(|problem| Arc::new(problem) as _)
+        let DrawablesWanted { entry, shown, author, readers } = wanted;
+        self.drawables_of(entry, shown, author.as_deref(), readers)
+            .await
+            .map_err(|problem| Arc::new(problem) as _)
     }
 }

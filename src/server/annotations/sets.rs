@@ -2,19 +2,19 @@
 
 use axum::Json;
 use axum::extract::Path;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
 
 use super::asked::{EditRequest, JsonBody};
 use super::edit::parse_value;
-use crate::annotation_service::invalid;
-use crate::identity::Scope;
+use crate::annotation_service::{Named, invalid, permission};
 use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
 use relief_annotation::Set;
 use relief_base::OutOfRange;
+use relief_store::{NamedState, Permission};
 
 /// Largest description of a set.
 const MOST_BYTES: usize = 64 << 10;
@@ -54,11 +54,18 @@ pub(super) async fn put(
     }
     let author = asked.author(author)?;
     let set = Set { name, reader, blinded, template };
+    let described = text(&set);
+    asked.expect_room(described.len() as u64).await?;
     let unrecorded = text(&unrecorded(set.name.clone()));
-    let may = |known: Option<&str>| {
-        may_replace(&headers, known) || (known.is_none() && may_replace(&headers, Some(&unrecorded)))
+    let identity = asked.caller.identity.as_ref();
+    let may = |known: &NamedState| {
+        let is_as_seen = may_replace(&headers, known.text.as_deref())
+            || (known.text.is_none() && may_replace(&headers, Some(&unrecorded)));
+        match permission(Named::Set(&set), identity, known) {
+            Permission::Granted if !is_as_seen => Permission::Replaced,
+            permission => permission,
+        }
     };
-    asked.may_change_set(&set.name).await?;
     asked.annotations.store.put_set_if(&set, &author, may).await?;
     asked.annotations.sets_changed().await;
     asked.notify_views();
@@ -78,20 +85,4 @@ fn text(set: &Set) -> String {
 /// A set with the tag by which it can be replaced.
 fn tagged(set: &Set) -> Response {
     ([(header::ETAG, text_tag(&text(set)))], Json(json!(set))).into_response()
-}
-
-impl EditRequest {
-    /// Checks that the caller may change a set: a blinded one is its reader's, and an
-    /// administrator's. An open server does not know its callers and allows every change.
-    async fn may_change_set(&self, name: &str) -> Result<(), Problem> {
-        let Some(identity) = &self.caller.identity else { return Ok(()) };
-        let sets = self.annotations.sets().await?;
-        let known = sets.iter().find(|set| set.name == name && set.blinded);
-        let reader = known.and_then(|set| set.reader.as_deref());
-        if identity.scope == Scope::Admin || reader.is_none_or(|reader| reader == identity.name) {
-            return Ok(());
-        }
-        let detail = "the set is blinded: its reader and administrators may change it";
-        Err(Problem::new(StatusCode::FORBIDDEN, "blinded-set", detail))
-    }
 }

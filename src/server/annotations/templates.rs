@@ -10,13 +10,12 @@ use serde_json::{Value, json};
 use super::asked::created;
 use super::asked::{EditRequest, JsonBody, query};
 use super::author;
-use crate::annotation_service::Annotations;
-use crate::annotation_service::invalid;
+use crate::annotation_service::{Annotations, Named, invalid, permission};
 use crate::negotiate::{may_replace, text_tag};
 use crate::problem::Problem;
 use relief_annotation::{Change, Item, Set, Template, TemplateError};
 use relief_base::OutOfRange;
-use relief_store::StoreError;
+use relief_store::{NamedState, Permission, StoreError};
 
 /// Largest template.
 const MOST_BYTES: usize = 1 << 20;
@@ -73,7 +72,12 @@ pub(super) async fn put(
         return Err(invalid(&OutOfRange::new("name", "another name", "what the path says")));
     }
     let template = Template::read(body.to_string().as_bytes()).map_err(|error| refused(&error))?;
-    let (text, may) = (template.json(), |known: Option<&str>| may_replace(&headers, known));
+    let (text, identity) = (template.json(), asked.caller.identity.as_ref());
+    asked.expect_room(text.len() as u64).await?;
+    let may = |known: &NamedState| match permission(Named::Template, identity, known) {
+        Permission::Granted if !may_replace(&headers, known.text.as_deref()) => Permission::Replaced,
+        permission => permission,
+    };
     asked.annotations.store.put_template_if(&name, &text, &author, may).await?;
     Ok(([(header::ETAG, text_tag(&text))], Json(json!(template))).into_response())
 }

@@ -1,6 +1,6 @@
 //! The thread that writes records: in their order, again and again until the disk takes them.
 
-use std::fs::{File, Metadata, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +12,7 @@ use parking_lot::Mutex;
 
 use super::record::{FIRST, Record, parse};
 use super::{AuditError, WAITING};
+use relief_base::FileId;
 
 /// Longest line.
 pub(super) const MOST_LINE_BYTES: u64 = 4096;
@@ -40,9 +41,6 @@ pub(super) struct Health {
     file: Mutex<Option<FileId>>,
 }
 
-/// What tells one file from another: device and number.
-type FileId = (u64, u64);
-
 impl Health {
     pub(super) fn is_good(&self) -> bool {
         !self.has_failed.load(Ordering::Relaxed)
@@ -63,7 +61,7 @@ impl Health {
 
     /// Whether the file that is written is at its path.
     pub(super) fn file_is_there(&self) -> bool {
-        let there = std::fs::metadata(&self.path).ok().map(|metadata| file_id(&metadata));
+        let there = FileId::at(&self.path);
         there.is_some() && there == *self.file.lock()
     }
 }
@@ -93,7 +91,7 @@ impl Writer {
         let metadata = file.metadata().map_err(failure)?;
         let health = Arc::new(Health {
             path: path.to_owned(),
-            file: Mutex::new(Some(file_id(&metadata))),
+            file: Mutex::new(Some(FileId::of(&metadata))),
             ..Health::default()
         });
         let (known, length) = (Arc::clone(&health), metadata.len());
@@ -162,7 +160,7 @@ impl Writer {
             let mut file = opened(&self.health.path).map_err(std::io::Error::other)?;
             let End { head, torn } = end_of(&mut file, &self.health.path).map_err(std::io::Error::other)?;
             let metadata = file.metadata()?;
-            *self.health.file.lock() = Some(file_id(&metadata));
+            *self.health.file.lock() = Some(FileId::of(&metadata));
             self.continues = head != self.head;
             (self.file, self.length, self.torn, self.has_partial) = (file, metadata.len(), torn, false);
         }
@@ -188,18 +186,6 @@ fn opened(path: &Path) -> Result<File, AuditError> {
         std::fs::TryLockError::Error(source) => failure(source),
     })?;
     Ok(file)
-}
-
-#[cfg(unix)]
-fn file_id(metadata: &Metadata) -> FileId {
-    use std::os::unix::fs::MetadataExt;
-    (metadata.dev(), metadata.ino())
-}
-
-/// Files have no number here; one that is removed is noticed, one that is replaced is not.
-#[cfg(not(unix))]
-fn file_id(_: &Metadata) -> FileId {
-    (0, 0)
 }
 
 /// The end of a log: the hash of its newest whole record, and whether a cut-off line follows.

@@ -25,7 +25,9 @@ pub use token_file::{NewToken, TokenEntry, TokenFileError, add_token, read_token
 pub use tokens::Tokens;
 
 pub(crate) use admit::{admit_data, admit_page};
-pub(crate) use caller::{Caller, Peer};
+#[cfg(test)]
+pub(crate) use caller::Proof;
+pub(crate) use caller::{Caller, Identity, Peer};
 pub(crate) use sign_in::{routes, ticket};
 pub(crate) use sign_ins::SignIns;
 pub(crate) use tickets::Tickets;

@@ -40,13 +40,20 @@ pub(crate) fn routes() -> Router<AppState> {
 async fn identity(State(door): State<Door>, request: Request) -> Result<Response, Problem> {
     let admission = &door.config.admission;
     let peer = request.extensions().get::<Peer>();
-    let found = if admission.is_open() { None } else { door.identify(request.headers(), peer, true)? };
+    let found = if admission.is_open() { Ok(None) } else { door.identify(request.headers(), peer, true) };
+    // A token that is not valid is 401 everywhere; a proxy's mistake is described to its operator.
+    let (found, problem) = match found {
+        Err(problem) if admission.proxy.is_none() => return Err(problem),
+        Err(problem) => (None, Some(problem.detail().to_owned())),
+        Ok(found) => (found, None),
+    };
     let by_cookie = cookie(request.headers()).is_some();
     let body = json!({
         "required": !admission.is_open(),
         "sign_in": admission.tokens.is_some(),
         "name": found.as_ref().map(|identity| identity.name.as_str()),
         "scope": found.as_ref().map(|identity| identity.scope),
+        "problem": problem,
         "sign_out": found.is_some() && by_cookie,
     });
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())

@@ -222,7 +222,7 @@ impl Connected {
                 Ok(None)
             }
             _ if is_watcher => {
-                let detail = "watchers presentation; say hello as presenter to move the view or to change it";
+                let detail = "a watcher only looks; say hello as presenter to move the view or to change it";
                 Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
             }
             ClientMessage::Pose(pose) => self.pose(pose, now),

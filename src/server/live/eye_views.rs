@@ -47,7 +47,7 @@ pub(crate) async fn eye_views(
     let (newest, _place, _viewer) = match newest {
         Some(newest) => (Some(newest), Some(parts.live.place(&caller)?), None),
         None => {
-            let mut viewer = PlainViewer::new(parts.clone(), &caller, &name)?;
+            let mut viewer = PlainViewer::new(parts.clone(), &caller, &name).await?;
             let still = tokio::time::timeout(PATIENCE, viewer.still()).await;
             (still.ok().flatten(), None, Some(viewer))
         }

@@ -6,6 +6,7 @@
 //! rendering (see `relief_session`), the protocol (see `relief_live`). Names of views and tokens of
 //! sessions are keys: they appear in no log and no metric.
 
+mod audience;
 mod close;
 mod connection;
 mod eye_views;

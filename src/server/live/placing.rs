@@ -231,7 +231,8 @@ async fn list_of<'a>(
     let set = match shown {
         ShownSets::Sets(names) => {
             let named = names.iter().find(|name| visible.expect_writable(name).is_ok());
-            named.or(names.first()).map_or(Set::DEFAULT, String::as_str)
+            let seen = || names.iter().find(|name| visible.sees(name));
+            named.or_else(seen).map_or(Set::DEFAULT, String::as_str)
         }
         ShownSets::All | ShownSets::Nothing => {
             let own = visible.own();

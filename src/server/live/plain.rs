@@ -15,6 +15,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::sync::watch;
 
+use super::audience::join;
 use super::hub::{Place, no_such_view};
 use super::placing::{LandmarkPlacer, apply_effect, pointer};
 use crate::annotations::author_of;
@@ -46,13 +47,12 @@ pub(super) struct PlainViewer {
 }
 
 impl PlainViewer {
-    pub(super) fn new(parts: LiveParts, caller: &Caller, name: &str) -> Result<Self, Problem> {
+    pub(super) async fn new(parts: LiveParts, caller: &Caller, name: &str) -> Result<Self, Problem> {
         let view = find_view(&parts, name)?;
         let place = parts.live.place(caller)?;
-        let viewer = Viewer::new(parts.live.next_id(), Role::Watcher, true, Instant::now());
+        let viewer = join(&parts, &view, Role::Watcher, true, caller).await;
         let mut frames = view.frames.subscribe();
         frames.mark_changed();
-        view.join(&viewer);
         Ok(Self { parts, view, viewer, frames, _place: place })
     }
 
@@ -116,7 +116,7 @@ pub(crate) async fn mjpeg(
     Path(name): Path<String>,
     caller: Caller,
 ) -> Result<Response, Problem> {
-    let viewer = PlainViewer::new(parts, &caller, &name)?;
+    let viewer = PlainViewer::new(parts, &caller, &name).await?;
     // A browser shows a picture when the next boundary comes: it comes right behind.
     let part = |jpeg: &Bytes| {
         let head = format!("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len());
@@ -167,7 +167,7 @@ pub(crate) async fn next_frame(
         );
     }
     let media = negotiate(&headers, &[FileFormat::Png, FileFormat::Jpeg])?;
-    let mut viewer = PlainViewer::new(parts, &caller, &name)?;
+    let mut viewer = PlainViewer::new(parts, &caller, &name).await?;
     let mut newest = None;
     let waiting = async {
         while let Some(view_frame) = viewer.next().await {

@@ -16,6 +16,7 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::sync::mpsc;
 use tracing::Instrument;
 
+use super::audience::join;
 use super::connection::Connected;
 use super::hub::{Place, random_name};
 use super::remote::Remote;
@@ -29,7 +30,7 @@ use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
 use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
-use relief_session::{Presentation, Viewer, VolumeEntry, VolumeError, find_phase};
+use relief_session::{Presentation, VolumeEntry, VolumeError, find_phase};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
@@ -100,8 +101,7 @@ async fn run(parts: LiveParts, mut socket: WebSocket, caller: Caller, _place: Pl
             return farewell(&mut socket, Some((POLICY, "hello refused"))).await;
         }
     };
-    let viewer = Viewer::new(parts.live.next_id(), session.role, false, Instant::now());
-    session.view.join(&viewer);
+    let viewer = join(&parts, &session.view, session.role, false, &session.caller).await;
     let connected = Connected { parts: parts.clone(), session, viewer, formats, number };
     let (mut writer, mut reader) = socket.split();
     let (outbox, messages) = mpsc::channel(OUTBOX);

@@ -1,6 +1,7 @@
 //! Effects of intents beyond the view in which they are made, and the annotations that a view
 //! draws.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::LiveError;
@@ -81,4 +82,6 @@ pub struct DrawablesWanted {
     pub shown: ShownSets,
     /// The author whose private sets are drawn too.
     pub author: Option<String>,
+    /// The verified names of all viewers, in their order: only what each of them may see is drawn.
+    pub readers: BTreeSet<String>,
 }

@@ -26,6 +26,8 @@ pub(super) struct FrameJob {
     pub(super) display: DisplaySettings,
     pub(super) number: u64,
     pub(super) revision: u64,
+    /// Viewers who had joined a view that draws what they may not see.
+    pub(super) audience: u64,
     pub(super) is_still: bool,
     pub(super) activity: Activity,
     pub(super) arrived: Instant,

@@ -143,7 +143,7 @@ async fn make(engine: &Engine, view: &View, job: FrameJob, blocked_until: Instan
         blocked_until.saturating_duration_since(job.arrived) + queue
     };
     match view_frame(view, &job, &rendered, rendering, waiting) {
-        Ok(frame) => view.publish(Arc::new(frame)),
+        Ok(frame) => view.publish(Arc::new(frame), job.audience),
         Err(error) => view.fail(revision, error, Instant::now()),
     }
 }

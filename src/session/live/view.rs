@@ -8,6 +8,7 @@ mod configure;
 mod ending;
 pub(super) mod phases;
 mod schedule;
+mod viewers;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ use crate::Drawables;
 use crate::volumes::VolumeEntry;
 use relief_annotation::{Method, ShownSets, Snap};
 use relief_base::ViewDepth;
-use relief_live::{DisplayedPicture, Eyes, Intent, IntentEffect, Peers, Role, ViewRecord, ViewState};
+use relief_live::{DisplayedPicture, Eyes, Intent, IntentEffect, Peers, ViewRecord, ViewState};
 use relief_volume::Camera;
 
 /// A view and its channels to viewers.
@@ -94,6 +95,8 @@ struct Inner {
     settings: u64,
     /// Revision of the annotations that are drawn; `None` when they have to be read.
     drawn_revision: Option<u64>,
+    /// Counts the viewers who joined and may not see all that the view drew.
+    audience: u64,
 }
 
 impl View {
@@ -127,6 +130,7 @@ impl View {
             epoch: 0,
             settings: 0,
             drawn_revision: None,
+            audience: 0,
         };
         Self {
             name,
@@ -161,38 +165,6 @@ impl View {
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.lock().revision
-    }
-
-    /// Adds a viewer.
-    pub fn join(&self, viewer: &Arc<Viewer>) {
-        {
-            let mut inner = self.lock();
-            inner.viewers.push(Arc::clone(viewer));
-            inner.was_joined = true;
-        }
-        self.count_peers();
-        self.work.notify_one();
-    }
-
-    /// Removes a viewer.
-    pub fn leave(&self, viewer: &Viewer) {
-        let mut inner = self.lock();
-        inner.viewers.retain(|known| known.id != viewer.id);
-        if inner.viewers.is_empty() {
-            inner.idle_since = Instant::now();
-        }
-        drop(inner);
-        self.count_peers();
-        self.work.notify_one();
-    }
-
-    fn count_peers(&self) {
-        let inner = self.lock();
-        let presenters =
-            inner.viewers.iter().filter(|known| known.role == Role::Presenter && !known.is_plain);
-        let presenters = presenters.count();
-        let peers = Peers { presenters, watchers: inner.viewers.len() - presenters };
-        self.peers.send_if_modified(|known| std::mem::replace(known, peers) != peers);
     }
 
     /// Whether the view has a viewer.
@@ -263,6 +235,7 @@ impl View {
             entry: Arc::clone(entry),
             shown: shown.clone(),
             author: shown_to.clone(),
+            readers: inner.readers(),
         })
     }
 
@@ -276,7 +249,8 @@ impl View {
     ) {
         let mut inner = self.lock();
         let Presentation { entry, shown, shown_to, .. } = &inner.presentation;
-        if entry.id == wanted.entry.id && *shown == wanted.shown && *shown_to == wanted.author {
+        let is_for_these = *shown_to == wanted.author && inner.readers() == wanted.readers;
+        if entry.id == wanted.entry.id && *shown == wanted.shown && is_for_these {
             inner.drawn_revision = Some(revision);
             inner.presentation.set_drawables(drawables);
             inner.renewed(now);
@@ -326,16 +300,18 @@ impl View {
         self.lock().next(now, patience)
     }
 
-    /// Makes a frame the newest one.
-    pub(super) fn publish(&self, frame: Arc<ViewFrame>) {
+    /// Makes a frame the newest one, unless a viewer who may not see all of it has joined since it was begun.
+    pub(super) fn publish(&self, frame: Arc<ViewFrame>, audience: u64) {
         let ViewFrame { number, revision, is_still, rendering, .. } = *frame;
         let mut inner = self.lock();
+        if inner.audience != audience {
+            return;
+        }
         if is_still && !rendering.is_zero() {
             inner.still_took = Some(rendering);
         }
         inner.published = Some(Published { number, revision, is_still });
         inner.number = number;
-        drop(inner);
         self.frames.send_replace(Some(frame));
     }
 

@@ -19,6 +19,8 @@ pub struct Viewer {
     pub role: Role,
     /// Whether it sends no acknowledgements (MJPEG, single frames).
     pub is_plain: bool,
+    /// Its verified name, where the server requires one: the view draws only what all of its viewers may see.
+    pub reader: Option<String>,
     flow: Mutex<Flow>,
     /// Notified when the viewer has capacity again.
     pub freed: Notify,
@@ -42,7 +44,7 @@ pub struct Flow {
 impl Viewer {
     /// A viewer without messages.
     #[must_use]
-    pub fn new(id: u64, role: Role, is_plain: bool, now: Instant) -> Arc<Self> {
+    pub fn new(id: u64, role: Role, is_plain: bool, reader: Option<String>, now: Instant) -> Arc<Self> {
         let flow = Flow {
             pace: Pace::new(now),
             taken: 0,
@@ -51,7 +53,7 @@ impl Viewer {
             is_shown: true,
             last_pose: None,
         };
-        Arc::new(Self { id, role, is_plain, flow: Mutex::new(flow), freed: Notify::new() })
+        Arc::new(Self { id, role, is_plain, reader, flow: Mutex::new(flow), freed: Notify::new() })
     }
 
     /// Flow control, locked.

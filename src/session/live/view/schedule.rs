@@ -75,6 +75,7 @@ impl Inner {
             display: self.presentation.display().with_cursor(cursor_mm),
             number,
             revision: self.revision,
+            audience: self.audience,
             is_still,
             activity: Activity::of(is_still, self.state.is_placing(), plays),
             arrived: self.motion.arrived,
