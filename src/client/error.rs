@@ -191,6 +191,9 @@ pub enum LossError {
         /// The server's words; may be empty.
         reason: ServerText,
     },
+    /// The server sends pings without end.
+    #[error("the server sends too many pings")]
+    Pings,
     /// More messages than are tolerated could not be read.
     #[error("{0} unreadable messages")]
     Unreadable(u32),

@@ -25,7 +25,7 @@ use super::handle::Handle;
 use super::restore;
 use super::socket::{self, Socket};
 use relief_live::{
-    ClientMessage, FrameHeader, Hello, Parts, Role, ServerMessage, Settings, ViewRecord, Welcome,
+    ClientMessage, FrameHeader, Hello, Parts, PingLimit, Role, ServerMessage, Settings, ViewRecord, Welcome,
 };
 
 /// Interval of the client's pings. A server answers each at once.
@@ -243,6 +243,7 @@ impl Session<'_> {
     /// Receives messages until the connection ends.
     async fn receive_all(&self, mut stream: SplitStream<Socket>, connection: u64) -> ClientError {
         let (mut unreadable, mut said) = (0, None);
+        let mut pings = PingLimit::new(Instant::now());
         loop {
             let message = match self.next_message(&mut stream).await {
                 Ok(message) => message,
@@ -265,6 +266,7 @@ impl Session<'_> {
                     }
                 },
                 Message::Close(frame) => return self.closed(frame.as_ref(), said.as_ref()),
+                Message::Ping(_) if !pings.accepts(Instant::now()) => return self.lost(LossError::Pings),
                 _ => {}
             }
         }

@@ -1,6 +1,6 @@
 //! A WebSocket to a server, from nothing to its `welcome`.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
 use serde_json::Value;
@@ -18,13 +18,16 @@ use super::access::{Access, Stream};
 use super::address::ServerAddress;
 use super::error::{AnswerError, ClientError, ConnectError, EncryptionError, LossError, ServerText};
 use relief_live::{
-    ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, SUBPROTOCOL, ServerMessage, Welcome,
+    ClientMessage, HEADER_BYTES, Hello, MAX_PIXELS, MAX_TEXT_BYTES, PingLimit, SUBPROTOCOL, ServerMessage,
+    Welcome, check_view_name,
 };
 
 /// Most bytes of a message that is received: colours and 16-bit depth of the largest picture,
 /// unpacked.
 pub const MAX_FRAME_BYTES: usize = HEADER_BYTES + 5 * MAX_PIXELS;
 
+/// Most bytes that wait to be sent: texts and pongs.
+const SOCKET_BUFFER: usize = 4 << 20;
 /// Longest time until a reachable server accepts.
 const CONNECT: Duration = Duration::from_secs(3);
 /// The longest time until `welcome`: the first volume may still be on its way to the graphics
@@ -84,7 +87,8 @@ async fn upgrade(
     }
     let config = WebSocketConfig::default()
         .max_message_size(Some(MAX_FRAME_BYTES))
-        .max_frame_size(Some(MAX_FRAME_BYTES));
+        .max_frame_size(Some(MAX_FRAME_BYTES))
+        .max_write_buffer_size(SOCKET_BUFFER);
     let handshake = timeout(CONNECT, client_async_with_config(request, stream, Some(config))).await;
     let handshake = handshake.map_err(|_| not_relief(AnswerError::NoHandshake))?;
     match handshake {
@@ -119,7 +123,7 @@ fn answered(server: &ServerAddress, status: StatusCode, body: &str) -> ClientErr
 async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welcome>, ClientError> {
     let lost = |source| ClientError::Lost { server: server.clone(), source };
     let not_relief = |source| ClientError::NotRelief { server: server.clone(), source };
-    let mut said = None;
+    let (mut said, mut pings) = (None, PingLimit::new(Instant::now()));
     loop {
         let message = match socket.next().await {
             Some(Ok(message)) => message,
@@ -131,13 +135,18 @@ async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welc
                 return Err(not_relief(AnswerError::LongText(text.len())));
             }
             Message::Text(text) => match ServerMessage::parse(&text) {
-                Ok(ServerMessage::Welcome(welcome)) => return Ok(welcome),
+                Ok(ServerMessage::Welcome(welcome)) => {
+                    // The name appears in messages to people, and in addresses.
+                    let checked = check_view_name(&welcome.view).map(|()| welcome);
+                    return checked.map_err(|error| not_relief(AnswerError::Message(error)));
+                }
                 Ok(ServerMessage::Error(error)) => said = Some(error.problem),
                 Ok(_) => {}
                 Err(error) => return Err(not_relief(AnswerError::Message(error))),
             },
             Message::Binary(_) => return Err(not_relief(AnswerError::EarlyFrame)),
             Message::Close(frame) => return Err(closed(server, frame.as_ref(), said.as_ref())),
+            Message::Ping(_) if !pings.accepts(Instant::now()) => return Err(lost(LossError::Pings)),
             _ => {}
         }
     }

@@ -16,6 +16,7 @@ mod frame;
 mod header;
 mod interaction;
 mod messages;
+mod pings;
 
 pub use codec::{CodecError, decode_color, decode_d8, decode_z16, encode_color, encode_d8, encode_z16};
 pub use describe::{layouts_script, protocol};
@@ -32,6 +33,8 @@ pub use messages::{
     Peers, Play, Pose, PoseKind, Quality, RawReport, RemotePose, Role, ServerMessage, Settings, SnapTarget,
     SnapTo, SnappedPlace, StateMessage, TrackingMessage, Welcome, check_view_name,
 };
+
+pub use pings::PingLimit;
 
 pub use interaction::{
     AppliedIntent, CursorMark, CutPlane, DisplayedPicture, Gestures, GrabMode, HandOptions, HandPose,

@@ -184,7 +184,12 @@ impl From<&ReadError> for Problem {
 
 impl From<OpenError> for Problem {
     fn from(error: OpenError) -> Self {
-        Self::unavailable("views-full", error)
+        match error {
+            OpenError::Full => Self::unavailable("views-full", error),
+            OpenError::OfCaller(most) => {
+                Self::new(StatusCode::TOO_MANY_REQUESTS, "too-many-views", error).with("allowed", most)
+            }
+        }
     }
 }
 

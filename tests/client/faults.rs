@@ -85,6 +85,33 @@ async fn after_welcome(message: Message) -> String {
     reason
 }
 
+#[tokio::test]
+async fn pings_without_end_end_the_connection() {
+    for greets in [false, true] {
+        let (listener, address) = listen(None).await;
+        let mut client = Running::start(options(address));
+        let (mut socket, _) = accept(&listener).await;
+        if greets {
+            socket.send(welcome("t", false)).await.unwrap();
+        }
+        // Nothing that the client sends is read.
+        let flood =
+            tokio::spawn(
+                async move { while socket.send(Message::Ping(vec![7; 125].into())).await.is_ok() {} },
+            );
+        // Without a session the client ends; else it looks for the server again.
+        let reason = if greets {
+            let reason = client.until(lost).await;
+            client.handle.stop();
+            reason
+        } else {
+            client.ended().await.unwrap_err().to_string()
+        };
+        assert!(reason.contains("too many pings"), "{reason}");
+        tokio::time::timeout(Duration::from_secs(60), flood).await.expect("the connection ends").unwrap();
+    }
+}
+
 /// Invariant: Whatever a server sends, the client reports an error or goes on, in bounded memory; a
 /// lost session resumes by its token or its view.
 #[tokio::test]

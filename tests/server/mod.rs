@@ -18,6 +18,7 @@ mod frames;
 mod labels;
 mod live;
 mod live_flow;
+mod live_limits;
 mod live_plain;
 mod live_preview;
 mod live_stage;

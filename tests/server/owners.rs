@@ -11,17 +11,17 @@ use crate::server::live_stage::{Came, Client, Running, orbit};
 use crate::server::stage::{Answer, Stage};
 
 /// Tokens of anna and ben, who may annotate, and of root, an administrator.
-struct Known {
+pub(super) struct Known {
     _folder: tempfile::TempDir,
     admission: Admission,
     tokens: [String; 3],
 }
 
-const ANNA: usize = 0;
-const BEN: usize = 1;
+pub(super) const ANNA: usize = 0;
+pub(super) const BEN: usize = 1;
 const ROOT: usize = 2;
 
-fn known() -> Known {
+pub(super) fn known() -> Known {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("tokens");
     let tokens =
@@ -33,8 +33,13 @@ fn known() -> Known {
 }
 
 impl Known {
-    fn config(&self) -> Config {
+    pub(super) fn config(&self) -> Config {
         Config { admission: self.admission.clone(), ..Config::default() }
+    }
+
+    /// What a caller sends as `Authorization`.
+    pub(super) fn bearer(&self, who: usize) -> String {
+        format!("Bearer {}", self.tokens[who])
     }
 
     /// A request about annotations.
@@ -50,7 +55,7 @@ impl Known {
         let mut request = Request::builder()
             .method(method.clone())
             .uri(stage.path(&format!("annotations{path}")))
-            .header("authorization", format!("Bearer {}", self.tokens[who]));
+            .header("authorization", self.bearer(who));
         if method != Method::GET {
             request = request.header("content-type", "application/json");
         }
@@ -61,9 +66,8 @@ impl Known {
     }
 
     /// A session of a caller.
-    async fn hello(&self, running: &Running, who: usize, hello: Value) -> (Client, Value) {
-        let bearer = format!("Bearer {}", self.tokens[who]);
-        running.hello_as(&[("authorization", bearer.as_str())], hello).await
+    pub(super) async fn hello(&self, running: &Running, who: usize, hello: Value) -> (Client, Value) {
+        running.hello_as(&[("authorization", self.bearer(who).as_str())], hello).await
     }
 }
 

@@ -11,6 +11,7 @@ use crate::client::arguments::RecordArguments;
 use crate::client::film::FilmRecorder;
 use crate::client::session::Session;
 use crate::output::GrowingFile;
+use relief_base::printable;
 use relief_client::{Event, Handle, LinkState, Received};
 use relief_live::{OrbitPose, PoseKind, ServerMessage};
 
@@ -73,51 +74,57 @@ impl Recorder {
     }
 }
 
-/// Prints changes of the connection to stderr, each once; nothing of patients.
+/// Prints changes of the connection and what the server refuses to stderr, each text once; nothing of patients.
 #[derive(Debug, Default)]
 pub(crate) struct LinkLog {
-    /// Reasons that were printed since the last connection: attempts go on every 800 ms.
+    /// Texts that were printed since the last connection: attempts go on every 800 ms.
     printed: Mutex<BTreeSet<String>>,
 }
 
 impl LinkLog {
+    /// Most texts of one connection: a server may send any number.
+    const MOST: usize = 100;
+
     pub(crate) fn take(&self, event: &Event) {
-        let mut printed = self.printed.lock();
         match event {
             Event::State(LinkState::Connected { resumed, view, .. }) => {
+                self.printed.lock().clear();
                 let how = if *resumed { "resumed" } else { "connected" };
-                eprintln!("{how}: view {view}");
-                printed.clear();
+                self.print(&format!("{how}: view {view}"));
             }
             Event::State(LinkState::Lost { reason, .. }) => {
-                if printed.insert(reason.clone()) {
-                    eprintln!("{reason}; trying again until the server answers");
-                }
+                self.print(&format!("{reason}; trying again until the server answers"));
             }
             Event::State(LinkState::Silent) => eprintln!("the server is silent"),
             Event::State(LinkState::Heard) => eprintln!("the server answers again"),
-            other => tell(other),
+            Event::Message(message) => {
+                if let ServerMessage::Error(error) = message.as_ref() {
+                    let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
+                    self.print(&format!("the server refuses: {}", detail.unwrap_or("something")));
+                }
+            }
+            Event::Unreadable(reason) => {
+                self.print(&format!("a message of the server cannot be read: {reason}"));
+            }
+            Event::State(LinkState::Connecting) | Event::Sent(_) | Event::Frame(_) => {}
+        }
+    }
+
+    /// Prints a text that may hold words of the server.
+    fn print(&self, text: &str) {
+        let text: String = printable(text).chars().take(LONGEST_TEXT).collect();
+        let mut printed = self.printed.lock();
+        if printed.len() < Self::MOST && printed.insert(text.clone()) {
+            eprintln!("{text}");
+            if printed.len() == Self::MOST {
+                eprintln!("more messages of this connection are not printed");
+            }
         }
     }
 }
 
-/// Prints refusals and unreadable messages to stderr.
-fn tell(event: &Event) {
-    match event {
-        Event::Message(message) => {
-            if let ServerMessage::Error(error) = message.as_ref() {
-                let detail = error.problem.get("detail").and_then(serde_json::Value::as_str);
-                let detail = detail.unwrap_or("something");
-                eprintln!(
-                    "the server refuses: {}",
-                    detail.chars().filter(|c| !c.is_control()).collect::<String>()
-                );
-            }
-        }
-        Event::Unreadable(reason) => eprintln!("a message of the server cannot be read: {reason}"),
-        Event::State(_) | Event::Sent(_) | Event::Frame(_) => {}
-    }
-}
+/// Characters of a text that are printed.
+const LONGEST_TEXT: usize = 500;
 
 /// A view that changes shows it within this, if only in a small picture.
 const QUIET: Duration = Duration::from_secs(2);

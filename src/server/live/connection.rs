@@ -30,7 +30,8 @@ use crate::state::LiveParts;
 use crate::volumes::describe;
 use relief_live::{
     AnnotationsMessage, ClientMessage, ErrorMessage, Formats, FrameHeader, Intent, MAX_TEXT_BYTES,
-    MessageError, MessageFault, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome, assemble,
+    MessageError, MessageFault, PingLimit, Pose, PoseKind, RawReport, Role, ServerMessage, Settings, Welcome,
+    assemble,
 };
 use relief_session::{
     Echo, Effect, LiveError, Outcome, USUAL_QUALITY, ViewFrame, Viewer, find_phase, micros, search_preview,
@@ -122,7 +123,7 @@ impl Connected {
 
     /// Obeys messages until the connection ends.
     pub(super) async fn read(&self, reader: &mut SplitStream<WebSocket>, outbox: &Outbox) -> End {
-        let mut errors = 0;
+        let (mut errors, mut pings) = (0, PingLimit::new(Instant::now()));
         loop {
             let next = tokio::time::timeout(self.parts.live.config.silence, reader.next()).await;
             let message = match next {
@@ -148,6 +149,9 @@ impl Connected {
                 },
                 Message::Binary(_) => return Some((UNSUPPORTED, "binary messages are the server's alone")),
                 Message::Close(_) => return None,
+                Message::Ping(_) if !pings.accepts(Instant::now()) => {
+                    return Some((POLICY, "too many pings"));
+                }
                 Message::Ping(_) | Message::Pong(_) => Ok(()),
             };
             if let Err(problem) = outcome {

@@ -21,7 +21,9 @@ mod wire;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::identity::Caller;
 use super::problem::Problem;
+use super::shares;
 use super::state::{LiveParts, Server};
 use relief_session::{Presentation, View};
 
@@ -33,9 +35,14 @@ pub(super) use socket::{connect, protocol};
 
 impl LiveParts {
     /// The view of this name, or a new one with this presentation.
-    fn find_or_open(&self, name: &str, presentation: Presentation) -> Result<Arc<View>, Problem> {
-        let views = &self.live.views;
-        Ok(views.find_or_open(&self.engine, self.annotations.clone(), name, presentation)?)
+    fn find_or_open(
+        &self,
+        name: &str,
+        presentation: Presentation,
+        caller: &Caller,
+    ) -> Result<Arc<View>, Problem> {
+        let (views, key) = (&self.live.views, shares::key(caller));
+        Ok(views.find_or_open(&self.engine, self.annotations.clone(), name, presentation, key.as_ref())?)
     }
 }
 

@@ -235,7 +235,7 @@ pub(crate) async fn intent(
         view
     } else {
         let entry = entry.map_or_else(|| parts.engine.volumes.first(), Ok)?;
-        parts.find_or_open(&name, Presentation::new(entry, &Settings::default(), None)?)?
+        parts.find_or_open(&name, Presentation::new(entry, &Settings::default(), None)?, &caller)?
     };
     // Times tell which changes are taken back together.
     let t_ns = u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX);

@@ -29,14 +29,17 @@ use crate::live::close::GOING_AWAY;
 use crate::live::close::POLICY;
 use crate::problem::Problem;
 use crate::state::LiveParts;
-use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, Role, SUBPROTOCOL, Settings};
+use relief_live::{ClientMessage, Formats, Hello, MAX_TEXT_BYTES, PingLimit, Role, SUBPROTOCOL, Settings};
 use relief_session::{Presentation, VolumeEntry, VolumeError, find_phase};
 
 /// Short messages that wait for the writer; more are left out.
 const OUTBOX: usize = 32;
 /// The longest time that the last messages may take.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked.
+/// Messages of a client that are read after the last one to it.
+const MOST_PENDING: usize = 1000;
+/// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked. The number of
+/// pongs has its own limit, [`PingLimit`].
 const SOCKET_BUFFER: usize = 96 << 20;
 
 /// The protocol for programs.
@@ -116,12 +119,17 @@ async fn run(parts: LiveParts, mut socket: WebSocket, caller: Caller, _place: Pl
     farewell(&mut writer, end).await;
     // Pending input is read: otherwise closing would reset the connection before the last message
     // arrives.
-    let rest = async { while let Some(Ok(_)) = reader.next().await {} };
+    let rest = async {
+        for _ in 0..MOST_PENDING {
+            let Some(Ok(_)) = reader.next().await else { break };
+        }
+    };
     let _ = tokio::time::timeout(FAREWELL, rest).await;
 }
 
 /// The first message that says something; `None` when the connection ended before.
 async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>> {
+    let mut pings = PingLimit::new(Instant::now());
     loop {
         match socket.recv().await?.ok()? {
             Message::Text(text) => {
@@ -138,6 +146,7 @@ async fn first_message(socket: &mut WebSocket) -> Option<Result<Hello, Problem>>
                 return Some(Err(Problem::new(StatusCode::BAD_REQUEST, "no-hello", detail)));
             }
             Message::Close(_) => return None,
+            Message::Ping(_) if !pings.accepts(Instant::now()) => return None,
             Message::Ping(_) | Message::Pong(_) => {}
         }
     }
@@ -189,7 +198,7 @@ fn open(
         let entry = entry.map_or_else(|| parts.engine.volumes.first(), Ok)?;
         let presentation = Presentation::new(entry, &settings, author)?;
         let name = hello.view.clone().map_or_else(random_name, Ok)?;
-        parts.find_or_open(&name, presentation)?
+        parts.find_or_open(&name, presentation, caller)?
     };
     let mut remote = Remote::new()?;
     if let Some(grab_mode) = settings.grab_mode {

@@ -10,18 +10,20 @@ use crate::engine::Engine;
 
 impl Views {
     /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime,
-    /// which runs the render loop.
+    /// which runs the render loop. `caller` is whose share of the views a new one takes, if callers have
+    /// shares.
     ///
     /// # Errors
-    /// When there are as many views as allowed.
+    /// When there are as many views as allowed, in all or of the caller.
     pub fn find_or_open(
         self: &Arc<Self>,
         engine: &Arc<Engine>,
         drawables: Option<Arc<impl DrawableSource>>,
         name: &str,
         presentation: Presentation,
+        caller: Option<&Arc<str>>,
     ) -> Result<Arc<View>, OpenError> {
-        let (view, is_new) = self.find_or_add(name, presentation)?;
+        let (view, is_new) = self.find_or_add(name, presentation, caller)?;
         if is_new {
             let (registry, engine) = (Arc::clone(self), Arc::clone(engine));
             tokio::spawn(supervised(registry, engine, drawables, Arc::clone(&view)));

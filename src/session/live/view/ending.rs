@@ -11,8 +11,15 @@ impl View {
         (!inner.was_joined).then_some(inner.idle_since)
     }
 
-    /// Lets the view end now, as after `linger` without viewers.
+    /// Since when the view has been without a viewer; `None` when it has one.
+    pub(in crate::live) fn idle_since(&self) -> Option<Instant> {
+        let inner = self.lock();
+        inner.viewers.is_empty().then_some(inner.idle_since)
+    }
+
+    /// Lets the view end now, as after `linger` without viewers. No session comes back to it.
     pub(in crate::live) fn retire(&self, linger: Duration) {
+        self.ended.send_replace(true);
         let mut inner = self.lock();
         inner.idle_since = inner.idle_since.checked_sub(linger).unwrap_or(inner.idle_since);
         drop(inner);
