@@ -77,6 +77,19 @@ impl Archive {
         request().await
     }
 
+    /// Makes requests that together end in time. What is given up is cancelled.
+    pub(crate) async fn within<T>(
+        &self,
+        longest: Duration,
+        requests: impl Future<Output = Result<T, ArchiveError>>,
+    ) -> Result<T, ArchiveError> {
+        tokio::time::timeout(longest, requests).await.map_err(|_| self.too_slow(longest))?
+    }
+
+    pub(crate) fn too_slow(&self, longest: Duration) -> ArchiveError {
+        ArchiveError::TooSlow { archive: self.base.clone(), longest }
+    }
+
     /// Requests a resource below the root; the head of a successful answer.
     pub(crate) async fn get(
         &self,

@@ -1,6 +1,7 @@
 //! Errors between a client and an archive.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// A failed request to an archive. No message has a UID, a query or an answer of the archive.
 #[derive(Debug, thiserror::Error)]
@@ -105,6 +106,24 @@ pub enum ArchiveError {
         allowed: u64,
         /// The unit of the limit.
         unit: &'static str,
+    },
+    /// An answer takes longer than allowed.
+    #[error("the archive {archive} takes longer than {} s to answer", .longest.as_secs())]
+    TooSlow {
+        /// The root of its services.
+        archive: String,
+        /// The limit.
+        longest: Duration,
+    },
+    /// The archive sends an object of another study, series or patient.
+    #[error(
+        "the archive {archive} sends an object of another {what} than the one that was requested; nothing of it is kept"
+    )]
+    Other {
+        /// The root of its services.
+        archive: String,
+        /// Study, series, patient or instance.
+        what: &'static str,
     },
     /// The objects cannot be written.
     #[error(transparent)]

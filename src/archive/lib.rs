@@ -15,6 +15,8 @@ mod address;
 mod client;
 #[cfg(feature = "client")]
 mod error;
+#[cfg(feature = "client")]
+mod matches;
 #[cfg(feature = "network")]
 mod network;
 #[cfg(feature = "client")]

@@ -7,8 +7,10 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use futures_util::{StreamExt, TryStreamExt, stream};
+use relief_dicom::{ObjectIdentity, read_identity};
 use reqwest::header::CONTENT_TYPE;
 
 use crate::client::Archive;
@@ -17,6 +19,10 @@ use crate::part::PartReader;
 
 /// Instances that are retrieved at a time.
 const AT_ONCE: usize = 6;
+/// The time that an instance may take, beside that for its bytes at the lowest mean rate.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Lowest mean rate of an instance, bytes per second.
+const SLOWEST_BYTES_PER_S: u64 = 8 << 10;
 /// Bytes that are gathered before they are written.
 const WRITTEN_AT_ONCE: usize = 256 << 10;
 /// As stored, whatever the transfer syntax.
@@ -32,6 +38,8 @@ pub struct Retrieved {
     study: String,
     series: String,
     instances: Vec<String>,
+    /// The id of the patient, where it is known.
+    patient_id: Option<String>,
 }
 
 impl Retrieved {
@@ -39,6 +47,29 @@ impl Retrieved {
     #[must_use]
     pub fn instances(&self) -> &[String] {
         &self.instances
+    }
+
+    /// The same, of a patient: instances of others are refused.
+    #[must_use]
+    pub fn of_patient(self, id: Option<&str>) -> Self {
+        let id = id.map(str::trim).filter(|id| !id.is_empty());
+        Self { patient_id: id.map(str::to_owned), ..self }
+    }
+
+    /// What an object should have in common with the wanted instance, and has not.
+    fn difference(&self, number: usize, found: &ObjectIdentity) -> Option<&'static str> {
+        // The archive writes ids in UTF-8, the file in its own character set: letters of both can be compared.
+        let is_patient = |wanted: &String| {
+            let is_known = [wanted, &found.patient_id].iter().all(|id| !id.is_empty() && id.is_ascii());
+            !is_known || found.patient_id == *wanted
+        };
+        match () {
+            () if !self.patient_id.as_ref().is_none_or(is_patient) => Some("patient"),
+            () if found.study != self.study => Some("study"),
+            () if found.series != self.series => Some("series"),
+            () if found.sop_instance != self.instances[number] => Some("instance"),
+            () => None,
+        }
     }
 
     /// The name of the file of an instance within the folder of a retrieval. Names of files show
@@ -63,15 +94,15 @@ impl Archive {
     /// When the archive does not answer, refuses, or has no such series.
     pub fn listed(&self, study: &str, series: &str) -> Result<Retrieved, ArchiveError> {
         let instances = self.instances(study, series)?;
-        Ok(Retrieved { study: study.to_owned(), series: series.to_owned(), instances })
+        Ok(Retrieved { study: study.to_owned(), series: series.to_owned(), instances, patient_id: None })
     }
 
     /// Retrieves the instances that a folder does not have yet. `reserve` is given the bytes of all
     /// of them so far, and may refuse; `progress` the number of whole ones.
     ///
     /// # Errors
-    /// When the archive does not answer, sends anything but DICOM files, or no longer has one of
-    /// the instances; or when `reserve` refuses or a file cannot be written. Whole instances stay in
+    /// When the archive does not answer, sends anything but the DICOM files of these instances, or no longer has
+    /// one of them; or when `reserve` refuses or a file cannot be written. Whole instances stay in
     /// the folder.
     pub fn retrieve(
         &self,
@@ -110,12 +141,24 @@ impl Archive {
         let mut written = 0;
         let partial: PathBuf = path.with_extension(PARTIAL);
         let outcome = self.instance_into(wanted, number, &partial, grow, &mut written).await;
+        let outcome = outcome.and_then(|()| self.expect_wanted(wanted, number, &partial));
         if outcome.is_err() {
             shrink(written);
             let _ = std::fs::remove_file(&partial);
             return outcome;
         }
         Ok(std::fs::rename(&partial, path)?)
+    }
+
+    /// Checks that a file is the instance that was requested. A volume of another patient would be shown under
+    /// the name of this one.
+    fn expect_wanted(&self, wanted: &Retrieved, number: usize, file: &Path) -> Result<(), ArchiveError> {
+        let identity = read_identity(&std::fs::read(file)?);
+        let identity = identity.map_err(|_| self.answer("a damaged file", "a DICOM file"))?;
+        match wanted.difference(number, &identity) {
+            Some(what) => Err(ArchiveError::Other { archive: self.base.clone(), what }),
+            None => Ok(()),
+        }
     }
 
     async fn instance_into(
@@ -126,14 +169,18 @@ impl Archive {
         grow: &(dyn Fn(u64) -> std::io::Result<()> + Sync),
         written: &mut u64,
     ) -> Result<(), ArchiveError> {
-        let Retrieved { study, series, instances } = wanted;
+        let Retrieved { study, series, instances, .. } = wanted;
         let path = format!("/studies/{study}/series/{series}/instances/{}", instances[number]);
         let mut response = self.get(&path, &[], STORED, "instance").await?;
         let mut part = self.part(&response)?;
         // Writing waits in place: nothing else runs on this client's threads.
         let mut file = BufWriter::with_capacity(WRITTEN_AT_ONCE, File::create(partial)?);
-        let mut beginning = Vec::new();
+        let (mut beginning, since) = (Vec::new(), Instant::now());
         while let Some(chunk) = self.chunk(&mut response).await? {
+            let allowed = PATIENCE + Duration::from_secs(*written / SLOWEST_BYTES_PER_S);
+            if since.elapsed() > allowed {
+                return Err(self.too_slow(allowed));
+            }
             let bytes = match &mut part {
                 Some(part) => part.push(&chunk).map_err(|_| self.answer("a damaged answer", "one part"))?,
                 None => chunk.to_vec(),

@@ -1,15 +1,16 @@
 //! Search by QIDO-RS: the series that match an address, and the instances of a series.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use reqwest::header::WARNING;
 use reqwest::{Response, StatusCode};
 use serde::Serialize;
-use serde_json::{Map, Value};
 
 use crate::address::ArchiveAddress;
 use crate::client::Archive;
 use crate::error::{ArchiveError, Total};
+use crate::matches::{Match, Matches};
 
 /// Matches that one answer may have.
 const PAGE: usize = 1_000;
@@ -18,7 +19,13 @@ const MOST_SERIES: usize = 10_000;
 /// Most instances of one series.
 const MOST_INSTANCES: usize = 200_000;
 /// Largest answer, bytes.
-pub(crate) const LARGEST_ANSWER: u64 = 64 << 20;
+const LARGEST_ANSWER: u64 = 64 << 20;
+/// Most bytes of all answers of one search.
+const LARGEST_SEARCH: u64 = 256 << 20;
+/// Longest time of a search, all of its pages and tries together.
+const LONGEST_SEARCH: Duration = Duration::from_secs(25);
+/// The same for the list of the instances of a series, of which there may be many.
+const LONGEST_LISTING: Duration = Duration::from_secs(120);
 pub(crate) const JSON: &str = "application/dicom+json";
 
 /// A series that an archive has. Its texts come from the archive and may name the patient.
@@ -59,7 +66,9 @@ const FIELDS: [&str; 7] = [
 
 /// One answer to a search.
 pub(crate) struct Page {
-    pub(crate) matches: Vec<Map<String, Value>>,
+    pub(crate) matches: Vec<Match>,
+    /// Bytes of the answer.
+    bytes: u64,
     /// Whether the answer announces further matches.
     has_more: bool,
 }
@@ -78,7 +87,8 @@ impl Archive {
             address.query().iter().map(|(name, value)| (&**name, &**value)).collect();
         query.extend(address.series().map(|series| ("SeriesInstanceUID", series)));
         query.extend(FIELDS.map(|field| ("includefield", field)));
-        let found = self.runtime.block_on(self.all(&path, &query, "0020000E", MOST_SERIES, "series"))?;
+        let found = self.all(&path, &query, "0020000E", MOST_SERIES, "series");
+        let found = self.runtime.block_on(self.within(LONGEST_SEARCH, found))?;
         let mut series: Vec<FoundSeries> =
             found.iter().filter_map(|attributes| FoundSeries::of(attributes, address)).collect();
         series.sort_by(|a, b| {
@@ -96,13 +106,14 @@ impl Archive {
     /// fewer instances than it counts.
     pub(crate) fn instances(&self, study: &str, series: &str) -> Result<Vec<String>, ArchiveError> {
         let path = format!("/studies/{study}/series/{series}/instances");
-        let found = self.runtime.block_on(self.all(&path, &[], "00080018", MOST_INSTANCES, "series"))?;
+        let found = self.all(&path, &[], "00080018", MOST_INSTANCES, "series");
+        let found = self.runtime.block_on(self.within(LONGEST_LISTING, found))?;
         let uids: BTreeSet<String> =
-            found.iter().filter_map(|attributes| uid(attributes, "00080018")).collect();
+            found.iter().filter_map(|attributes| attributes.uid("00080018")).collect();
         if uids.is_empty() {
             return Err(self.missing("series"));
         }
-        match self.runtime.block_on(self.counted(study, series))? {
+        match self.runtime.block_on(self.within(LONGEST_SEARCH, self.counted(study, series)))? {
             Some(count) if count > uids.len() as u64 => {
                 Err(self.incomplete(uids.len(), Total::Instances(count)))
             }
@@ -122,8 +133,8 @@ impl Archive {
             }
             page => page?,
         };
-        let is_wanted = |found: &&Map<String, Value>| text(found, "0020000E") == series;
-        Ok(page.matches.iter().find(is_wanted).and_then(|found| text(found, "00201209").parse().ok()))
+        let is_wanted = |found: &&Match| found.text("0020000E") == series;
+        Ok(page.matches.iter().find(is_wanted).and_then(|found| found.text("00201209").parse().ok()))
     }
 
     fn incomplete(&self, found: usize, expected: Total) -> ArchiveError {
@@ -140,16 +151,20 @@ impl Archive {
         key: &str,
         most: usize,
         wanted: &'static str,
-    ) -> Result<Vec<Map<String, Value>>, ArchiveError> {
+    ) -> Result<Vec<Match>, ArchiveError> {
         let (mut found, mut known) = (Vec::new(), BTreeSet::new());
-        let (mut offset, mut has_more) = (0, false);
+        let (mut offset, mut has_more, mut bytes) = (0, false, 0);
         loop {
             let [limit, at] = [PAGE.to_string(), offset.to_string()];
             let paged = [query, &[("limit", &*limit), ("offset", &*at)]].concat();
             let page = self.tried(async || self.page(path, &paged, wanted).await).await?;
             let (count, before) = (page.matches.len(), found.len());
+            bytes += page.bytes;
+            if bytes > LARGEST_SEARCH {
+                return Err(self.too_large(LARGEST_SEARCH, "bytes in answer to one search; narrow the query"));
+            }
             has_more = page.has_more || (count == 0 && has_more);
-            found.extend(page.matches.into_iter().filter(|attributes| match uid(attributes, key) {
+            found.extend(page.matches.into_iter().filter(|attributes| match attributes.uid(key) {
                 Some(uid) => known.insert(uid),
                 None => false,
             }));
@@ -171,13 +186,13 @@ impl Archive {
     ) -> Result<Page, ArchiveError> {
         let response = self.get(path, query, JSON, wanted).await?;
         if response.status() == StatusCode::NO_CONTENT {
-            return Ok(Page { matches: Vec::new(), has_more: false });
+            return Ok(Page { matches: Vec::new(), bytes: 0, has_more: false });
         }
         let has_more = has_more(&response);
         let body = self.body(response, LARGEST_ANSWER).await?;
-        let matches = serde_json::from_slice(&body)
+        let Matches(matches) = serde_json::from_slice(&body)
             .map_err(|_| self.answer("something else", "a list in DICOM's JSON"))?;
-        Ok(Page { matches, has_more })
+        Ok(Page { matches, bytes: body.len() as u64, has_more })
     }
 }
 
@@ -193,10 +208,10 @@ fn has_more(response: &Response) -> bool {
 
 impl FoundSeries {
     /// A match without usable UIDs is left out: it cannot be retrieved.
-    fn of(attributes: &Map<String, Value>, address: &ArchiveAddress) -> Option<Self> {
-        let study = uid(attributes, "0020000D").or_else(|| address.study().map(str::to_owned))?;
-        let series_uid = uid(attributes, "0020000E")?;
-        let one = |tag: &str| text(attributes, tag);
+    fn of(attributes: &Match, address: &ArchiveAddress) -> Option<Self> {
+        let study = attributes.uid("0020000D").or_else(|| address.study().map(str::to_owned))?;
+        let series_uid = attributes.uid("0020000E")?;
+        let one = |tag: &str| attributes.text(tag).to_owned();
         Some(Self {
             study_uid: study,
             series_uid,
@@ -210,25 +225,4 @@ impl FoundSeries {
             instances: one("00201209").parse().ok(),
         })
     }
-}
-
-/// The first value of an attribute in DICOM's JSON (PS3.18, annex F), or nothing.
-fn text(attributes: &Map<String, Value>, tag: &str) -> String {
-    let value = attributes.get(tag).and_then(|attribute| attribute.get("Value")).and_then(|all| all.get(0));
-    match value {
-        Some(Value::String(text)) => text.clone(),
-        Some(Value::Number(number)) => number.to_string(),
-        Some(Value::Object(name)) => {
-            name.get("Alphabetic").and_then(Value::as_str).unwrap_or_default().to_owned()
-        }
-        _ => String::new(),
-    }
-}
-
-/// A UID that can be part of an address.
-pub(crate) fn uid(attributes: &Map<String, Value>, tag: &str) -> Option<String> {
-    let uid = text(attributes, tag);
-    let is_uid =
-        (1..=64).contains(&uid.len()) && uid.bytes().all(|letter| letter.is_ascii_digit() || letter == b'.');
-    is_uid.then_some(uid)
 }

@@ -8,7 +8,10 @@ use serde_json::Value;
 
 use crate::client::Archive;
 use crate::error::ArchiveError;
-use crate::search::{JSON, LARGEST_ANSWER, uid};
+use crate::search::JSON;
+
+/// Largest outcome of a storage, bytes: it is about one object.
+const LARGEST_OUTCOME: u64 = 1 << 20;
 
 /// A DICOM file with the UIDs that it has.
 #[derive(Clone)]
@@ -57,9 +60,7 @@ impl Archive {
         let path = format!("/studies/{study}/series/{series}/instances");
         match self.page(&path, &[("SOPInstanceUID", instance)], "object").await {
             // Some archives ignore the attribute, and list all instances.
-            Ok(found) => {
-                Ok(found.matches.iter().any(|one| uid(one, "00080018").as_deref() == Some(instance)))
-            }
+            Ok(found) => Ok(found.matches.iter().any(|one| one.uid("00080018").as_deref() == Some(instance))),
             Err(ArchiveError::Missing { .. }) => Ok(false),
             Err(error) => Err(error),
         }
@@ -72,7 +73,7 @@ impl Archive {
             self.successful(response, "service for storage (STOW-RS)")?;
             return Err(self.answer("another status", "the outcome of a storage"));
         }
-        let answer = self.body(response, LARGEST_ANSWER).await?;
+        let answer = self.body(response, LARGEST_OUTCOME).await?;
         let not_json = || self.answer("something else", "the outcome of a storage in DICOM's JSON");
         let answer = serde_json::from_slice::<Value>(&answer).map_err(|_| not_json())?;
         // Some archives put the outcome into a list.

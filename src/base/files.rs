@@ -20,6 +20,19 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
+/// Writes a new file, so that it appears whole or not at all. Of several writers at once, one succeeds.
+///
+/// # Errors
+/// When the file exists (`AlreadyExists`), which stays as it is; and when the file system refuses.
+pub fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = shared_temporary().prefix(".relief-").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist_noclobber(path)?;
+    Ok(())
+}
+
 /// Temporary files are private to their owner. One that becomes a result is no more private than
 /// the umask says.
 #[must_use]

@@ -75,7 +75,7 @@ pub use queue::{
 };
 
 /// Gives TLS its cryptography, for queue and bucket. Where one is installed already, it is as good.
-#[cfg(feature = "queue")]
+#[cfg(any(feature = "queue", feature = "buckets"))]
 fn install_cryptography() {
-    let _ = async_nats::rustls::crypto::ring::default_provider().install_default();
+    let _ = rustls::crypto::ring::default_provider().install_default();
 }

@@ -95,6 +95,7 @@ impl CopiesArguments {
             #[cfg(feature = "archives")]
             archives: self.archive.access()?,
             progress,
+            patient_id: None,
         }))
     }
 }

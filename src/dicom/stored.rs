@@ -11,7 +11,7 @@ use super::whole::{self, ObjectError, wrong};
 /// Largest object that is sent, bytes.
 const MOST_BYTES: usize = 2 << 30;
 
-/// The UIDs by which an archive knows an object. Not for messages.
+/// The UIDs by which an archive knows an object, and its patient. Not for messages.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ObjectIdentity {
     /// Its kind, such as a segmentation.
@@ -22,6 +22,8 @@ pub struct ObjectIdentity {
     pub study: String,
     /// Its series.
     pub series: String,
+    /// The id of its patient, as it is written; empty where it has none.
+    pub patient_id: String,
 }
 
 /// UIDs are withheld.
@@ -39,7 +41,8 @@ const NEEDED: [(Tag, &str); 4] = [
 ];
 
 fn keep(tag: Tag) -> Retention {
-    if NEEDED.iter().any(|(needed, _)| *needed == tag) { Retention::Value } else { Retention::Nothing }
+    let is_kept = tag == tags::PATIENT_ID || NEEDED.iter().any(|(needed, _)| *needed == tag);
+    if is_kept { Retention::Value } else { Retention::Nothing }
 }
 
 /// Reads the identity of a DICOM file.
@@ -58,7 +61,14 @@ pub fn read_identity(bytes: &[u8]) -> Result<ObjectIdentity, ObjectError> {
             false => Err(wrong("", keyword, tag, "something else".to_owned(), "a UID")),
         }
     });
-    Ok(ObjectIdentity { sop_class: sop_class?, sop_instance: sop_instance?, study: study?, series: series? })
+    let patient_id = data.text(tags::PATIENT_ID).unwrap_or_default();
+    Ok(ObjectIdentity {
+        sop_class: sop_class?,
+        sop_instance: sop_instance?,
+        study: study?,
+        series: series?,
+        patient_id: patient_id.trim_matches(['\0', ' ']).to_owned(),
+    })
 }
 
 /// A DICOM file in the parts that the DICOM network sends.

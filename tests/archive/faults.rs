@@ -7,6 +7,8 @@ use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::stand_in::{StandIn, reply, write_head};
+use relief_dicom::read_identity;
+
 use crate::cluster::stage::{phantom, relief};
 use crate::common::child;
 
@@ -61,11 +63,13 @@ fn files_of(series: &Path) -> Vec<PathBuf> {
 /// refused, the next breaks off.
 fn unreliable(files: Vec<Vec<u8>>) -> StandIn {
     let tries: Vec<AtomicUsize> = (0..=files.len()).map(|_| AtomicUsize::new(0)).collect();
+    let uids: Vec<String> = files.iter().map(|file| read_identity(file).unwrap().sop_instance).collect();
     StandIn::start(move |path, stream| {
-        let number = path.rsplit_once("/instances/1.").map(|(_, number)| number.parse::<usize>().unwrap());
+        let wanted = path.rsplit_once("/instances/").map(|(_, uid)| uid);
+        let number = wanted.map(|wanted| uids.iter().position(|uid| uid == wanted).unwrap());
         let (kind, body) = match number {
             Some(number) => (PART, part_of(&files[number])),
-            None => (JSON, listed("00080018", (0..files.len()).map(|number| format!("1.{number}")))),
+            None => (JSON, listed("00080018", uids.iter().cloned())),
         };
         let tried = tries[number.map_or(files.len(), |number| number)].fetch_add(1, Ordering::Relaxed);
         match tried {
@@ -93,16 +97,76 @@ fn answers_that_fail_or_break_off_are_requested_again() {
     let series = phantom(folder.path(), "sphere");
     let slices = files_of(&series).into_iter().filter(|file| file.extension().is_some_and(|it| it == "dcm"));
     let files: Vec<Vec<u8>> = slices.map(|file| std::fs::read(file).unwrap()).collect();
-    let count = files.len();
+    let (count, place) = (files.len(), place_of(&files[0]));
     let archive = unreliable(files);
     let [local, remote] = ["local.png", "remote.png"].map(|name| folder.path().join(name));
-    for (address, out) in [(series.to_str().unwrap(), &local), (&*archive.address(SERIES), &remote)] {
+    for (address, out) in [(series.to_str().unwrap(), &local), (&*archive.address(&place), &remote)] {
         let made = render(address, out).env("NO_PROXY", "*").output().unwrap();
         assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     }
     assert!(std::fs::read(local).unwrap() == std::fs::read(remote).unwrap());
     let instances = archive.requests().iter().filter(|path| path.contains("/instances/")).count();
     assert_eq!(instances, 3 * count);
+}
+
+/// The path of a file's series in an archive.
+fn place_of(file: &[u8]) -> String {
+    let identity = read_identity(file).unwrap();
+    format!("/studies/{}/series/{}", identity.study, identity.series)
+}
+
+/// Invariant: A series whose archive sends instances of another one is refused, whole, by the name of the difference.
+#[test]
+fn instances_of_another_patient_or_series_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let slices = |kind: &str| -> Vec<Vec<u8>> {
+        let made = files_of(&phantom(folder.path(), kind));
+        let slices = made.iter().filter(|file| file.extension().is_some_and(|it| it == "dcm"));
+        slices.map(|file| std::fs::read(file).unwrap()).collect()
+    };
+    let (wanted, other) = (slices("sphere"), slices("slab"));
+    let place = place_of(&wanted[0]);
+    let uids: Vec<String> = wanted.iter().map(|file| read_identity(file).unwrap().sop_instance).collect();
+    // Another series of the archive; one instance twice.
+    for (sent, what) in
+        [(other, "another study"), (vec![wanted[0].clone(); wanted.len()], "another instance")]
+    {
+        let known = uids.clone();
+        let archive = StandIn::start(move |path, stream| {
+            match path
+                .rsplit_once("/instances/")
+                .map(|(_, uid)| known.iter().position(|known| known == uid).unwrap())
+            {
+                Some(number) => reply(stream, "200 OK", PART, &part_of(&sent[number])),
+                None => reply(stream, "200 OK", JSON, &listed("00080018", known.iter().cloned())),
+            }
+        });
+        let out = folder.path().join("out.png");
+        let made = render(&archive.address(&place), &out).env("NO_PROXY", "*").output().unwrap();
+        let said = String::from_utf8_lossy(&made.stderr);
+        assert!(!made.status.success() && !out.exists() && said.contains(what), "{said}");
+        assert!(uids.iter().all(|uid| !said.contains(uid)), "{said}");
+    }
+}
+
+/// Invariant: What an archive adds to its answers takes no memory, and a search ends within half a minute, whatever
+/// the archive sends.
+#[test]
+fn junk_in_answers_takes_no_memory() {
+    let junk = vec![b'0'; 20 << 20].iter().flat_map(|digit| [*digit, b',']).collect::<Vec<u8>>();
+    let pages = AtomicUsize::new(0);
+    let archive = StandIn::start(move |_, stream| {
+        let page = pages.fetch_add(1, Ordering::Relaxed);
+        let head = format!(
+            r#"[{{"0020000D":{{"Value":["1.2"]}},"0020000E":{{"Value":["1.3.{page}"]}},"00080060":{{"Value":["CT"]}},"x":["#
+        );
+        reply(stream, "200 OK", JSON, &[head.as_bytes(), &junk, b"0]}]"].concat())
+    });
+    let since = std::time::Instant::now();
+    // The answers are 40 MiB each; as values of JSON they would be 640.
+    let said = failed(&mut relief(&["inspect", &archive.address("?PatientID=*")]));
+    assert!(said.contains("in answer to one search") || said.contains("to answer"), "{said}");
+    assert!(since.elapsed() < std::time::Duration::from_secs(60), "{:?}", since.elapsed());
 }
 
 fn endless(stream: &mut TcpStream, kind: &str, begin: &[u8]) -> std::io::Result<()> {

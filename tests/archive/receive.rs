@@ -104,7 +104,7 @@ fn series_of_known_callers_arrive_whole() {
     let (series, inbox) = (phantom(folder.path(), "slab"), folder.path().join("inbox"));
     let mut receiving = Receiving::start(
         &inbox,
-        &["--caller", "SCANNER", "--caller", "ORTHANC@127.0.0.1", "--quota", "120KiB"],
+        &["--caller", "SCANNER", "--caller", "ORTHANC@127.0.0.1", "--quota", "160KiB"],
     );
     let port = receiving.port.to_string();
     let echoed = echoscu.args(["-aec", "RELIEF", "-aet", "SCANNER", "127.0.0.1", &port]).output().unwrap();

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use data_encoding::HEXLOWER;
 use parking_lot::Mutex;
-use relief_base::write_whole;
+use relief_base::{write_new, write_whole};
 use relief_dicom::{CommitmentRequest, CommitmentResult, INTERRUPTED, file_around, read_identity};
 use sha2::{Digest, Sha256};
 
@@ -18,6 +18,9 @@ use super::message::Status;
 /// Content of the file that marks an interrupted series.
 const INTERRUPTED_TEXT: &[u8] =
     b"The transfer of this series has not ended or was interrupted, so slices may be missing. Send it again: a complete transfer removes this file.\n";
+/// What the smallest file or folder takes of a disk, bytes. Small objects, each in folders of its own, would
+/// otherwise take more blocks and inodes than the quota says.
+const BLOCK: u64 = 4096;
 /// Hexadecimal digits of the names of folders and files.
 const NAME_DIGITS: usize = 16;
 
@@ -224,20 +227,24 @@ impl Inbox {
     }
 
     fn write(&self, folder: &Path, path: &Path, file: &[u8]) -> std::io::Result<Status> {
-        if let Ok(known) = std::fs::read(path) {
-            return Ok(if known == file { Status::Success } else { Status::Duplicate });
+        if let Some(status) = compared(path, file)? {
+            return Ok(status);
         }
-        if !self.reserve(file.len() as u64) {
+        let is_new = !folder.is_dir();
+        // The file, the mark of its series, and folders of the study and the series.
+        let needed = on_disk(file.len()) + if is_new { 3 * BLOCK } else { 0 };
+        if !self.reserve(needed) {
             tracing::warn!("an object is refused: the quota of {} bytes is used up", self.quota_bytes);
             return Ok(Status::OutOfResources);
         }
-        let is_new = !folder.is_dir();
-        let written = self.prepare(folder).and_then(|()| write_whole(path, file));
+        let written = self.prepare(folder).and_then(|()| write_new(path, file));
         let written = written.and_then(|()| sync_folders(folder, if is_new { &self.folder } else { folder }));
         let mut state = self.state.lock();
         if let Err(error) = written {
-            state.bytes = state.bytes.saturating_sub(file.len() as u64);
-            return Err(error);
+            state.bytes = state.bytes.saturating_sub(needed);
+            // Another association has stored an object of this UID meanwhile.
+            let is_there = error.kind() == std::io::ErrorKind::AlreadyExists;
+            return compared(path, file)?.filter(|_| is_there).ok_or(error);
         }
         let series = state.growing.entry(folder.to_owned());
         let series =
@@ -294,6 +301,20 @@ fn mark(folder: &Path, is_marked: bool) -> std::io::Result<()> {
     }
 }
 
+/// The status of an object whose file exists: a success where the bytes are the same.
+fn compared(path: &Path, file: &[u8]) -> std::io::Result<Option<Status>> {
+    match std::fs::read(path) {
+        Ok(known) => Ok(Some(if known == file { Status::Success } else { Status::Duplicate })),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Bytes that a file takes on the disk: whole blocks.
+fn on_disk(bytes: usize) -> u64 {
+    (bytes as u64).next_multiple_of(BLOCK)
+}
+
 fn name_of(uid: &str) -> String {
     let mut name = HEXLOWER.encode(&Sha256::digest(uid));
     name.truncate(NAME_DIGITS);
@@ -325,9 +346,9 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
         let entry = entry?;
         let found = entry.file_type()?;
         if found.is_dir() {
-            bytes += bytes_below(&entry.path())?;
+            bytes += BLOCK + bytes_below(&entry.path())?;
         } else if found.is_file() {
-            bytes += entry.metadata()?.len();
+            bytes += entry.metadata()?.len().next_multiple_of(BLOCK);
         }
     }
     Ok(bytes)
@@ -336,6 +357,37 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Invariant: Of different objects of one UID that arrive at once, one is stored and acknowledged; the others are
+    /// refused as duplicates. Equal ones are all acknowledged, and stored once.
+    #[test]
+    fn of_objects_of_one_uid_at_once_one_is_acknowledged() {
+        let folder = tempfile::tempdir().unwrap();
+        let inbox = Inbox::open(folder.path(), 1 << 30).unwrap();
+        let series = folder.path().join("study").join("series");
+        for round in 0..200 {
+            let path = series.join(format!("{round}.dcm"));
+            let start = std::sync::Barrier::new(4);
+            let statuses: Vec<Status> = std::thread::scope(|scope| {
+                // Two senders of one object, two of others.
+                let objects = [0_u8, 0, 1, 2].map(|content| vec![content; 3000]);
+                let writers = objects.map(|object| {
+                    let (inbox, series, path, start) = (&inbox, &series, &path, &start);
+                    scope.spawn(move || {
+                        start.wait();
+                        inbox.write(series, path, &object).unwrap()
+                    })
+                });
+                writers.into_iter().map(|writer| writer.join().unwrap()).collect()
+            });
+            let kept = std::fs::read(&path).unwrap()[0];
+            let expected =
+                [0, 0, 1, 2].map(|content| if content == kept { Status::Success } else { Status::Duplicate });
+            assert_eq!(statuses, expected, "round {round}: {kept} is kept");
+        }
+        // Those that were refused took nothing of the quota.
+        assert_eq!(inbox.state.lock().bytes, 200 * BLOCK + 3 * BLOCK);
+    }
 
     /// A series is marked while it is received, so that a killed program leaves the mark. Of two
     /// parallel associations each carries a part: the end of one does not remove the mark of the other.

@@ -3,13 +3,15 @@
 //!
 //! Associations are negotiated by dicom-ul. `message` has the commands, `receiver` the conversation,
 //! `inbox` the folder in which objects are durable before they are acknowledged, `commitment` the
-//! reports about them, `sender` the other direction.
+//! reports about them, `sender` the other direction. `strangers` and `incoming` bound what callers may take.
 
 mod commitment;
 mod inbox;
+mod incoming;
 mod message;
 mod receiver;
 mod sender;
+mod strangers;
 
 pub use inbox::{CompletedSeries, Inbox};
 pub use receiver::{AllowedCaller, CallerError, Receiver, ReceiverOptions};

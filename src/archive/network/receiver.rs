@@ -15,7 +15,9 @@ use relief_dicom::{CommitmentResult, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, r
 
 use super::commitment::{COMMITMENT, report, report_to};
 use super::inbox::{Inbox, Transfer, TransferEnd};
-use super::message::{LARGEST_COMMAND, Request, Status};
+use super::incoming::{Message, ObjectMemory};
+use super::message::{Request, Status};
+use super::strangers::{Stranger, Strangers};
 
 const VERIFICATION: &str = "1.2.840.10008.1.1";
 /// The longest silence of a caller.
@@ -85,10 +87,12 @@ pub struct ReceiverOptions {
     pub associations: usize,
     /// Largest object, bytes.
     pub object_bytes: usize,
+    /// Most bytes of the objects that all associations are receiving.
+    pub memory_bytes: usize,
 }
 
 impl ReceiverOptions {
-    /// Options with the usual limits: 16 associations, objects of 256 MiB.
+    /// Options with the usual limits: 16 associations, objects of 256 MiB, 512 MiB of all that are arriving.
     ///
     /// # Errors
     /// When the title cannot be one.
@@ -99,6 +103,7 @@ impl ReceiverOptions {
                 callers: Vec::new(),
                 associations: 16,
                 object_bytes: 256 << 20,
+                memory_bytes: 512 << 20,
             }),
             false => Err(CallerError),
         }
@@ -122,7 +127,9 @@ impl Receiver {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
         let is_stopping = Arc::new(AtomicBool::new(false));
-        let (stop, shared) = (Arc::clone(&is_stopping), Arc::new(Shared { options, inbox }));
+        let memory = Arc::new(ObjectMemory::new(options.memory_bytes));
+        let shared = Shared { options, inbox, memory, strangers: Arc::default(), open: AtomicUsize::new(0) };
+        let (stop, shared) = (Arc::clone(&is_stopping), Arc::new(shared));
         let thread = std::thread::Builder::new()
             .name("relief-receive".to_owned())
             .spawn(move || accept(&listener, &shared, &stop))?;
@@ -152,28 +159,26 @@ impl Drop for Receiver {
 struct Shared {
     options: ReceiverOptions,
     inbox: Arc<Inbox>,
+    memory: Arc<ObjectMemory>,
+    strangers: Arc<Strangers>,
+    /// Associations of known callers.
+    open: AtomicUsize,
 }
 
 fn accept(listener: &TcpListener, shared: &Arc<Shared>, is_stopping: &AtomicBool) {
-    let open = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
         if is_stopping.load(Ordering::Acquire) {
             return;
         }
-        let Ok(stream) = stream else {
+        let stranger = |stream: TcpStream| Some((shared.strangers.add(&stream).ok()?, stream));
+        let Some((stranger, stream)) = stream.ok().and_then(stranger) else {
             std::thread::sleep(Duration::from_millis(50)); // no descriptors are left
             continue;
         };
-        if open.fetch_add(1, Ordering::AcqRel) >= shared.options.associations {
-            open.fetch_sub(1, Ordering::AcqRel);
-            tracing::warn!("a caller is turned away: {} associations are open", shared.options.associations);
-            continue;
-        }
-        let (shared, guard) = (Arc::clone(shared), OpenGuard(Arc::clone(&open)));
+        let shared = Arc::clone(shared);
         let conversation = move || {
-            let _guard = guard;
             // A panic of the protocol library ends one association.
-            let ended = std::panic::catch_unwind(AssertUnwindSafe(|| shared.serve(stream)));
+            let ended = std::panic::catch_unwind(AssertUnwindSafe(|| shared.serve(stream, stranger)));
             if ended.is_err() {
                 tracing::error!("an association ended by a panic");
             }
@@ -186,9 +191,9 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>, is_stopping: &AtomicBool
 }
 
 /// Counts an association until it ends.
-struct OpenGuard(Arc<AtomicUsize>);
+struct OpenGuard<'a>(&'a AtomicUsize);
 
-impl Drop for OpenGuard {
+impl Drop for OpenGuard<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
@@ -220,7 +225,7 @@ impl AccessControl for KnownCallers<'_> {
 }
 
 impl Shared {
-    fn serve(&self, stream: TcpStream) {
+    fn serve(&self, stream: TcpStream, stranger: Stranger) {
         let Ok(peer) = stream.peer_addr() else { return };
         let _ = stream.set_nodelay(true);
         let callers = KnownCallers { callers: &self.options.callers, address: peer.ip().to_canonical() };
@@ -239,13 +244,22 @@ impl Shared {
         for syntax in READ_TRANSFER_SYNTAXES {
             negotiation = negotiation.with_transfer_syntax(*syntax);
         }
-        match negotiation.establish(stream) {
+        let established = negotiation.establish(stream);
+        drop(stranger);
+        match established {
             Ok(association) => self.converse(association, peer.ip().to_canonical()),
             Err(error) => tracing::warn!("a caller at {} is refused: {error}", peer.ip()),
         }
     }
 
     fn converse(&self, association: ServerAssociation<TcpStream>, address: IpAddr) {
+        let is_one_too_many = self.open.fetch_add(1, Ordering::AcqRel) >= self.options.associations;
+        let _open = OpenGuard(&self.open);
+        if is_one_too_many {
+            tracing::warn!("a caller is turned away: {} associations are open", self.options.associations);
+            let _ = association.abort();
+            return;
+        }
         let mut transfer = self.inbox.transfer();
         transfer.end = self.requests(association, address, &mut transfer);
     }
@@ -257,7 +271,7 @@ impl Shared {
         address: IpAddr,
         transfer: &mut Transfer<'_>,
     ) -> TransferEnd {
-        let mut message = Message::default();
+        let mut message = Message::new(Arc::clone(&self.memory), self.options.object_bytes);
         loop {
             let values = match association.receive() {
                 Ok(Pdu::PData { data }) => data,
@@ -268,18 +282,19 @@ impl Shared {
                 Ok(_) | Err(_) => return TransferEnd::Interrupted,
             };
             for value in values {
-                let Some((context, request)) = message.push(value, self.options.object_bytes) else {
-                    continue;
-                };
+                let Some((context, request)) = message.push(value) else { continue };
                 let answer = match request {
                     Ok(Request::Reported) => {
-                        message = Message::default();
+                        message.clear();
                         continue;
                     }
                     Ok(request) => self.answer(&association, context, &request, &message.data_set, transfer),
-                    Err(NotUnderstood) => None,
+                    Err(reason) => {
+                        tracing::warn!("a message is given up: {reason}");
+                        None
+                    }
                 };
-                message = Message::default();
+                message.clear();
                 let Some(Answer { data, commitment }) = answer else {
                     let _ = association.abort();
                     return TransferEnd::Interrupted;
@@ -371,51 +386,4 @@ impl Shared {
 struct Answer {
     data: Vec<u8>,
     commitment: Option<CommitmentResult>,
-}
-
-/// A message while its fragments arrive.
-#[derive(Default)]
-struct Message {
-    command: Vec<u8>,
-    request: Option<Request>,
-    data_set: Vec<u8>,
-}
-
-/// A message that is damaged, too large, or another request.
-struct NotUnderstood;
-
-impl Message {
-    /// Takes a fragment; the context and the request when the message is whole, or cannot become so.
-    fn push(&mut self, value: PDataValue, largest: usize) -> Option<(u8, Result<Request, NotUnderstood>)> {
-        let context = value.presentation_context_id;
-        match value.value_type {
-            PDataValueType::Command if self.request.is_none() => {
-                self.command.extend(value.data);
-                if self.command.len() > LARGEST_COMMAND {
-                    return Some((context, Err(NotUnderstood)));
-                }
-                if !value.is_last {
-                    return None;
-                }
-                match Request::read(&self.command) {
-                    Some(request @ (Request::Echo { .. } | Request::Reported)) => {
-                        Some((context, Ok(request)))
-                    }
-                    Some(request) => {
-                        self.request = Some(request);
-                        None
-                    }
-                    None => Some((context, Err(NotUnderstood))),
-                }
-            }
-            PDataValueType::Data if self.request.is_some() => {
-                if self.data_set.len() + value.data.len() > largest {
-                    return Some((context, Err(NotUnderstood)));
-                }
-                self.data_set.extend(value.data);
-                if value.is_last { self.request.take().map(|request| (context, Ok(request))) } else { None }
-            }
-            _ => Some((context, Err(NotUnderstood))),
-        }
-    }
 }

@@ -148,6 +148,7 @@ impl Bucket {
         }
     }
 
+    #[cfg(feature = "queue")]
     pub(super) fn remove(&self, name: &str) -> std::io::Result<()> {
         match self.runtime.block_on(self.store.delete(&self.path(name))) {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),

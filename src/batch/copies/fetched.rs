@@ -74,9 +74,8 @@ impl Copies {
         }
         let name = self.name_of(bucket, key, &objects);
         let is_one = matches!(&*objects, [one] if one.location.as_ref() == key);
-        // One at a time: two would not know of each other's bytes.
-        let mut state = self.state.lock();
-        let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
+        // Nothing else waits for the service: the lock is released at once.
+        let shelf = self.state.lock().shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             draft.reserve(needed)?;
             let place = |(number, object): (usize, &Object)| {

@@ -42,6 +42,9 @@ pub struct CopiesOptions {
     pub archives: relief_archive::ArchiveAccess,
     /// Is notified while a series of an archive is retrieved.
     pub progress: CopyProgress,
+    /// The id of the patient whose series is retrieved, where it is known: an archive that sends another
+    /// patient's is refused.
+    pub patient_id: Option<String>,
 }
 
 /// Is notified of the number of files that have arrived, and of all.
@@ -111,6 +114,15 @@ impl Copies {
     #[must_use]
     pub fn with_progress(&self, progress: CopyProgress) -> Self {
         Self { options: CopiesOptions { progress, ..self.options.clone() }, ..self.clone() }
+    }
+
+    /// The same copies, of series of this patient.
+    #[must_use]
+    pub fn of_patient(&self, id: &str) -> Self {
+        Self {
+            options: CopiesOptions { patient_id: Some(id.to_owned()), ..self.options.clone() },
+            ..self.clone()
+        }
     }
 
     /// The files that a path leads to: itself; where it is `s3://BUCKET/KEY`, a copy of the object

@@ -74,12 +74,11 @@ impl Copies {
         let (Some(study), Some(series)) = (address.study(), address.series()) else {
             return Err(Error::new(ErrorKind::InvalidInput, "the address names no series"));
         };
-        let listed = archive.listed(study, series)?;
+        let listed = archive.listed(study, series)?.of_patient(self.options.patient_id.as_deref());
         let name = name_of(&address, &listed);
         let files = listed.instances().len();
-        // One at a time: two would not know of each other's bytes.
-        let mut state = self.state.lock();
-        let shelf = state.shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
+        // Nothing else waits for the service: the lock is released at once.
+        let shelf = self.state.lock().shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             let progress = |done: usize| self.options.progress.report(done, files);
             archive.retrieve(&listed, draft.folder(), &|bytes| draft.reserve(bytes), &progress)?;

@@ -42,6 +42,8 @@ pub(super) struct CopyFolder {
     folder: PathBuf,
     /// Removes it when dropped, and marks it as used until then.
     temporary: Option<(TempDir, File)>,
+    /// Held while a copy is made: two would not know of each other's bytes.
+    making: Mutex<()>,
 }
 
 /// A copy that is to be made.
@@ -81,14 +83,15 @@ impl CopyFolder {
         match folder {
             Some(folder) => {
                 std::fs::create_dir_all(folder)?;
-                Ok(Self { folder: folder.to_owned(), temporary: None })
+                Ok(Self { folder: folder.to_owned(), temporary: None, making: Mutex::default() })
             }
             None => {
                 remove_abandoned();
                 let temporary = tempfile::Builder::new().prefix(TEMPORARY).tempdir()?;
                 let alive = File::create_new(temporary.path().join(ALIVE))?;
                 alive.lock()?;
-                Ok(Self { folder: temporary.path().to_owned(), temporary: Some((temporary, alive)) })
+                let folder = temporary.path().to_owned();
+                Ok(Self { folder, temporary: Some((temporary, alive)), making: Mutex::default() })
             }
         }
     }
@@ -124,7 +127,10 @@ impl CopyFolder {
     ) -> std::io::Result<(PathBuf, File)> {
         match self.find(wanted.name, wanted.files) {
             Some(found) => Ok(found),
-            None => self.add(wanted, fetch),
+            None => {
+                let _making = self.making.lock();
+                self.add(wanted, fetch)
+            }
         }
     }
 

@@ -10,7 +10,7 @@ use super::shelf::CopyFolder;
 /// What is opened once and shared by all users of the copies.
 #[derive(Debug, Default)]
 pub(super) struct State {
-    shelf: Option<CopyFolder>,
+    shelf: Option<Arc<CopyFolder>>,
     #[cfg(feature = "buckets")]
     pub(super) buckets: HashMap<String, Arc<crate::bucket::Bucket>>,
     #[cfg(feature = "archives")]
@@ -18,11 +18,13 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<&CopyFolder> {
-        if self.shelf.is_none() {
-            self.shelf = Some(CopyFolder::open(folder)?);
+    pub(super) fn shelf(&mut self, folder: Option<&Path>) -> std::io::Result<Arc<CopyFolder>> {
+        if let Some(shelf) = &self.shelf {
+            return Ok(Arc::clone(shelf));
         }
-        self.shelf.as_ref().ok_or_else(|| Error::other("no folder for copies"))
+        let opened = Arc::new(CopyFolder::open(folder)?);
+        self.shelf = Some(Arc::clone(&opened));
+        Ok(opened)
     }
 }
 

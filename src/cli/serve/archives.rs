@@ -118,6 +118,7 @@ impl SeriesArchives for SearchedArchives {
         let progress = Arc::clone(&steps.progress);
         let copies =
             self.loader.copies.with_progress(CopyProgress::new(move |done, files| progress(done, files)));
+        let copies = copies.of_patient(&series.patient_id);
         let local = copies.local(place.path())?;
         let listed = self.loader.reader(&place).list(local.path(), &self.loader.options).map_err(public)?;
         let [options] = &*listed else {
