@@ -385,8 +385,9 @@ mod tests {
                 [0, 0, 1, 2].map(|content| if content == kept { Status::Success } else { Status::Duplicate });
             assert_eq!(statuses, expected, "round {round}: {kept} is kept");
         }
-        // Those that were refused took nothing of the quota.
-        assert_eq!(inbox.state.lock().bytes, 200 * BLOCK + 3 * BLOCK);
+        // Those that were refused took nothing of the quota. Of the first ones, any may have found no folder.
+        let bytes = inbox.state.lock().bytes;
+        assert!((200 * BLOCK..=203 * BLOCK).contains(&bytes), "{bytes}");
     }
 
     /// A series is marked while it is received, so that a killed program leaves the mark. Of two
