@@ -7,7 +7,9 @@
 use dicom_core::value::{C, DataSetSequence, PrimitiveValue};
 use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
+use dicom_encoding::text::SpecificCharacterSet;
 use dicom_object::{FileMetaTableBuilder, InMemDicomObject};
+use dicom_transfer_syntax_registry::entries;
 use sha2::{Digest, Sha256};
 
 use relief_annotation::Timestamp;
@@ -136,6 +138,43 @@ pub(super) fn file_bytes(object: InMemDicomObject, is_long: bool) -> Result<Vec<
     let mut bytes = Vec::new();
     object.with_meta(meta(syntax))?.write_all(&mut bytes)?;
     Ok(bytes)
+}
+
+/// The end of a file whose last element is a sequence, whose last item ends with a sequence: of that one the
+/// end, of the item, and of the first one.
+const OPEN_END: [u8; 24] = [
+    0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0, 0xfe, 0xff, 0x0d, 0xe0, 0, 0, 0, 0, 0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0,
+    0,
+];
+const ITEM: [u8; 8] = [0xfe, 0xff, 0x00, 0xe0, 0xff, 0xff, 0xff, 0xff];
+const ITEM_END: [u8; 8] = [0xfe, 0xff, 0x0d, 0xe0, 0, 0, 0, 0];
+
+/// A file does not end with the sequence that items are to be added to.
+#[derive(Debug, thiserror::Error)]
+#[error("the sequence at the end of the file has another form")]
+struct NoOpenEnd;
+
+/// A file of [`file_bytes`] with more items in the innermost sequence at its end (see [`OPEN_END`]). An item is
+/// encoded before the next one is made.
+pub(super) fn with_more_items(
+    mut file: Vec<u8>,
+    items: impl Iterator<Item = InMemDicomObject>,
+    is_long: bool,
+) -> Result<Vec<u8>, EncodeError> {
+    let syntax = if is_long {
+        entries::IMPLICIT_VR_LITTLE_ENDIAN.erased()
+    } else {
+        entries::EXPLICIT_VR_LITTLE_ENDIAN.erased()
+    };
+    let end = file.len().checked_sub(OPEN_END.len()).filter(|end| file[*end..] == OPEN_END);
+    file.truncate(end.ok_or(NoOpenEnd)?);
+    for item in items {
+        file.extend(ITEM);
+        item.write_dataset_with_ts_cs(&mut file, &syntax, SpecificCharacterSet::ISO_IR_192)?;
+        file.extend(ITEM_END);
+    }
+    file.extend(OPEN_END);
+    Ok(file)
 }
 
 /// The equipment that made the object: the general and the enhanced general equipment modules

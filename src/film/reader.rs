@@ -12,6 +12,14 @@ use crate::ffmpeg::{Ffmpeg, FrameRate, finish, report_of};
 
 /// Largest side of a picture, pixels.
 const MAX_SIDE_PX: u32 = 16384;
+/// Options of ffmpeg that keep it to the file that it is given. A playlist may have the name of a film, and leads
+/// to other files and to the network; only containers that hold their film are read.
+const ONE_FILE: [&str; 4] = [
+    "-protocol_whitelist",
+    "file",
+    "-format_whitelist",
+    "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,ogg,flv,asf,mxf,nut,ivf,dv,gif,apng,h264,hevc,m4v,mjpeg,yuv4mpegpipe",
+];
 /// Longest header of YUV4MPEG2, bytes.
 const LONGEST_HEADER: u64 = 1024;
 
@@ -41,7 +49,7 @@ impl FilmReader {
     pub fn open(ffmpeg: &Ffmpeg, path: &Path) -> Result<Self, FilmError> {
         let (size_px, rate) = probe(ffmpeg, path)?;
         let mut command = ffmpeg.command();
-        command.arg("-i").arg(path).args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
+        command.args(ONE_FILE).arg("-i").arg(path).args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
         command.args(["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
         let report = Some(report_of(child.stderr.take())?);
@@ -98,7 +106,7 @@ impl Drop for FilmReader {
 /// (the format of mjpegtools: `YUV4MPEG2 W960 H540 F25:1 ...`).
 fn probe(ffmpeg: &Ffmpeg, path: &Path) -> Result<([u32; 2], FrameRate), FilmError> {
     let mut command = ffmpeg.command();
-    command.arg("-i").arg(path).args(["-map", "0:v:0", "-frames:v", "1", "-strict", "-1"]);
+    command.args(ONE_FILE).arg("-i").arg(path).args(["-map", "0:v:0", "-frames:v", "1", "-strict", "-1"]);
     command.args(["-f", "yuv4mpegpipe", "-pix_fmt", "yuv444p", "-"]);
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let report = report_of(child.stderr.take())?;

@@ -3,6 +3,7 @@
 //! The file is streamed to disk under limits of size and time, and removed when it has been read. A
 //! few are received at a time; one is read at a time. When the client leaves, reading ends at its next step.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -144,7 +145,13 @@ fn check_length(headers: &HeaderMap, limit: u64) -> Result<(), Problem> {
 /// The body as a file. The slower it comes, the sooner it must be whole: waits count against the
 /// slowest rate.
 async fn receive(mut body: Body, patience: Duration, limits: UploadLimits) -> Result<SpooledFile, Problem> {
-    let failed = |error: std::io::Error| Problem::internal("storing the upload", error);
+    let failed = |error: std::io::Error| match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            let detail = "the folder for uploads is full; try again later";
+            Problem::new(StatusCode::INSUFFICIENT_STORAGE, "upload-folder-full", detail)
+        }
+        _ => Problem::internal("storing the upload", error),
+    };
     let spooled = SpooledFile::create().map_err(failed)?;
     let mut file = tokio::fs::File::from_std(spooled.file.try_clone().map_err(failed)?);
     let (time, mut received) = (BodyTime::new(patience, limits.slowest_bytes_per_s), 0u64);

@@ -48,6 +48,47 @@ fn frames_of_a_film_decode_with_their_headers() {
     }
 }
 
+/// Invariant: A file that leads to other films is no film: nothing but the named file is read.
+#[test]
+fn a_playlist_by_the_name_of_a_film_is_refused() {
+    let Some(ffmpeg) = ffmpeg() else {
+        eprintln!("SKIPPED: playlists by the name of a film (there is no ffmpeg)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let film = plain_film(&ffmpeg, folder.path(), FEW);
+    let segment = folder.path().join("segment.ts");
+    let copy = ["-loglevel", "error", "-i", text(&film), "-c:v", "mpeg2video", text(&segment)];
+    assert!(Command::new(&ffmpeg).args(copy).status().unwrap().success());
+    let path = |of: &Path| text(of).to_owned();
+    for (name, playlist) in [
+        (
+            "hls.mp4",
+            format!("#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:1,\n{}\n#EXT-X-ENDLIST\n", path(&segment)),
+        ),
+        ("concat.mp4", format!("ffconcat version 1.0\nfile {}\n", path(&film))),
+    ] {
+        let link = saved_text(folder.path(), name, &playlist);
+        let out = folder.path().join("out.mkv");
+        let convert = ["convert", text(&link), "--estimate-depth", "--ffmpeg", &ffmpeg, "--out", text(&out)];
+        let refused = relief(&convert);
+        assert!(
+            !refused.status.success() && !out.exists(),
+            "{name}: {}",
+            String::from_utf8_lossy(&refused.stdout)
+        );
+    }
+    // What the playlists lead to is a film.
+    let out = folder.path().join("whole.mkv");
+    ok(&relief(&["convert", text(&segment), "--estimate-depth", "--ffmpeg", &ffmpeg, "--out", text(&out)]));
+}
+
+fn saved_text(folder: &Path, name: &str, content: &str) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, content).unwrap();
+    path
+}
+
 #[test]
 fn a_film_whose_codec_destroyed_the_headers_is_reported_frame_by_frame() {
     let Some(ffmpeg) = ffmpeg() else {

@@ -21,12 +21,6 @@ const PATH_POINTS: usize = 4096;
 /// Points of `GraphicData` beyond which the 16-bit length of explicit VR does not reach.
 pub(super) const LONGEST_EXPLICIT: usize = 65534 / 12;
 
-/// A group, and the number of points of its longest graphic.
-pub(super) struct Group {
-    pub(super) content: Content,
-    pub(super) points: usize,
-}
-
 /// Coordinates of an item, ready for a report.
 struct Graphics {
     tracking: Option<&'static str>,
@@ -60,20 +54,29 @@ pub enum UnreportableItem {
     },
 }
 
-/// The group of an item, or why it has none.
-pub(super) fn group(
-    item: &Item,
-    frame_of_reference: &str,
-    observer: Option<Content>,
-) -> Result<Group, UnreportableItem> {
+/// The number of points of an item's longest graphic, or why it has no group.
+pub(super) fn points(item: &Item, frame_of_reference: &str) -> Result<usize, UnreportableItem> {
+    let graphics = graphics_of(item, frame_of_reference)?;
+    Ok(graphics.path.len().max(graphics.controls.len()))
+}
+
+fn graphics_of(item: &Item, frame_of_reference: &str) -> Result<Graphics, UnreportableItem> {
     let Some(geometry) = &item.geometry else {
         return Err(UnreportableItem::NoPlace { state: state_name(item) });
     };
     if item.frame_of_reference.as_ref().is_some_and(|frame| frame.0 != frame_of_reference) {
         return Err(UnreportableItem::FrameOfReference);
     }
-    let graphics = graphics(geometry)?;
-    let points = graphics.path.len();
+    graphics(geometry)
+}
+
+/// The group of an item, or why it has none.
+pub(super) fn group(
+    item: &Item,
+    frame_of_reference: &str,
+    observer: Option<Content>,
+) -> Result<Content, UnreportableItem> {
+    let graphics = graphics_of(item, frame_of_reference)?;
     let tracking = graphics.tracking.unwrap_or(&item.name);
     let mut parts: Vec<Content> = observer.into_iter().collect();
     parts.push(Content::text(CONTEXT, TRACKING_IDENTIFIER, tracking));
@@ -112,8 +115,7 @@ pub(super) fn group(
     }
     let observed = date_and_time(item.created);
     let observed = format!("{}{}+0000", observed.0, observed.1);
-    let content = Content::group(GROUP, graphics.template).observed(&observed).with(parts);
-    Ok(Group { content, points: points.max(graphics.controls.len()) })
+    Ok(Content::group(GROUP, graphics.template).observed(&observed).with(parts))
 }
 
 const fn state_name(item: &Item) -> &'static str {

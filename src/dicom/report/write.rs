@@ -8,7 +8,7 @@ use super::ReportError;
 use super::codes::*;
 use super::content::{ACQUISITION, CONTEXT, Content, MODIFIER};
 use super::groups::UnreportableItem;
-use super::groups::{self, Group, LONGEST_EXPLICIT};
+use super::groups::{self, LONGEST_EXPLICIT};
 use crate::object::{self, LONG_STRING_CHARS, limited, put, put_equipment, put_items, uid_of};
 use crate::reference::SeriesReference;
 use relief_annotation::{Item, ItemId, Timestamp};
@@ -53,7 +53,8 @@ pub struct LeftOut {
     pub reason: UnreportableItem,
 }
 
-/// Writes items as a report about a series. The same items, series and options make the same bytes.
+/// Writes items as a report about a series. The same items, series and options make the same bytes. Each item is
+/// encoded before the next one is built: as objects, many items take forty times their bytes.
 ///
 /// # Errors
 /// When the series has no frame of reference, or no item can be in a report.
@@ -64,24 +65,26 @@ pub fn write_report(
 ) -> Result<WrittenReport, ReportError> {
     let frame_of_reference = series.frame_of_reference().ok_or(ReportError::NoFrameOfReference)?;
     let authors = authors(items);
-    let (mut groups, mut kept, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut kept, mut left_out, mut is_long) = (Vec::new(), Vec::new(), false);
     for item in items {
-        let observer = (authors.len() > 1).then(|| person(&item.author));
-        match groups::group(item, frame_of_reference, observer) {
-            Ok(group) => {
-                groups.push(group);
+        match groups::points(item, frame_of_reference) {
+            Ok(points) => {
+                is_long |= points > LONGEST_EXPLICIT;
                 kept.push(item);
             }
             Err(reason) => left_out.push(LeftOut { item: item.id, name: item.name.clone(), reason }),
         }
     }
-    if groups.is_empty() {
-        return Err(ReportError::Nothing(left_out));
-    }
-    let is_long = groups.iter().any(|group| group.points > LONGEST_EXPLICIT);
-    let mut report = root(series, frame_of_reference, &authors, groups).build();
+    let mut groups = kept.iter().filter_map(|item| {
+        let observer = (authors.len() > 1).then(|| person(&item.author));
+        groups::group(item, frame_of_reference, observer).ok()
+    });
+    let Some(first) = groups.next() else { return Err(ReportError::Nothing(left_out)) };
+    let mut report = root(series, frame_of_reference, &authors, [first]).build();
     put_modules(&mut report, series, options, &kept);
-    let bytes = object::file_bytes(report, is_long).map_err(ReportError::Encoding)?;
+    let bytes = object::file_bytes(report, is_long)
+        .and_then(|begun| object::with_more_items(begun, groups.map(Content::build), is_long))
+        .map_err(ReportError::Encoding)?;
     Ok(WrittenReport { bytes, left_out, notes: notes(&kept) })
 }
 
@@ -101,7 +104,12 @@ fn person(author: &str) -> Content {
 }
 
 /// The content: language, observers, procedure, image library, and the groups.
-fn root(series: &SeriesReference, frame_of_reference: &str, authors: &[&str], groups: Vec<Group>) -> Content {
+fn root(
+    series: &SeriesReference,
+    frame_of_reference: &str,
+    authors: &[&str],
+    groups: impl IntoIterator<Item = Content>,
+) -> Content {
     let observer = |kind: object::Code| Content::code(CONTEXT, OBSERVER_TYPE, kind.item());
     let people = authors.iter().flat_map(|author| [observer(PERSON), person(author)]);
     let library = Content::container(IMAGE_LIBRARY_GROUP)
@@ -117,7 +125,7 @@ fn root(series: &SeriesReference, frame_of_reference: &str, authors: &[&str], gr
             Content::text(CONTEXT, DEVICE_NAME, "Relief"),
             Content::code(MODIFIER, PROCEDURE_REPORTED, CT_OF_ANYTHING.item()),
             Content::container(IMAGE_LIBRARY).with([library]),
-            Content::container(MEASUREMENTS).with(groups.into_iter().map(|group| group.content)),
+            Content::container(MEASUREMENTS).with(groups),
         ],
     )
 }
@@ -190,4 +198,60 @@ fn notes(items: &[&Item]) -> Vec<String> {
     let cut =
         (cut > 0).then(|| format!("the names of {cut} item(s) are cut to {LONG_STRING_CHARS} characters"));
     lost.chain(cut).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ExistingFolder, SeriesFolder, SeriesLabels, Strictness};
+    use relief_annotation::Geometry;
+    use relief_base::Point;
+    use relief_volume::{Grid, Volume};
+
+    /// A series of eight voxels that is written into a folder.
+    fn series_in(folder: &std::path::Path) -> SeriesReference {
+        let grid = Grid::axis_aligned([2; 3], [1.0; 3], [0.0; 3]).unwrap();
+        let labels = SeriesLabels {
+            patient_name: "PHANTOM".to_owned(),
+            patient_id: "P".to_owned(),
+            description: "D".to_owned(),
+            body_part: String::new(),
+            window_hu: (40, 400),
+        };
+        let place = folder.join("ct");
+        let series = SeriesFolder::create(&place, ExistingFolder::Keep).unwrap();
+        series.write_slices(&Volume::new(grid, vec![0; 8]).unwrap(), &labels, &|_| ()).unwrap();
+        series.finish().unwrap();
+        let found = crate::discover(&place, Strictness::Strict, &|_| ()).unwrap();
+        SeriesReference::of(found.select(None).unwrap()).unwrap()
+    }
+
+    /// The items that are encoded one by one make the bytes of a report that is encoded as a whole.
+    #[test]
+    fn a_report_in_parts_has_the_bytes_of_a_whole_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let series = series_in(folder.path());
+        let frame = series.frame_of_reference().unwrap();
+        for (count, length) in [(1, 2), (2, 2), (7, 3), (3, LONGEST_EXPLICIT + 1)] {
+            let item = |number: usize| {
+                let at = |k: usize| Point::new(number as f64, k as f64, 0.5);
+                let points_mm = (0..length).map(at).collect();
+                let geometry = Geometry::Curve { points_mm, closed: false, smooth: false };
+                let author = ["anna", "Ren\u{e9}e"][number % 2];
+                Item::new(&format!("\u{e4} {number}"), author, Some(geometry)).unwrap()
+            };
+            let items: Vec<Item> = (0..count).map(item).collect();
+            let options = ReportWriteOptions::default();
+            let written = write_report(&items, &series, &options).unwrap();
+            let authors = authors(&items);
+            let groups = items.iter().map(|item| {
+                let observer = (authors.len() > 1).then(|| person(&item.author));
+                groups::group(item, frame, observer).unwrap()
+            });
+            let mut whole = root(&series, frame, &authors, groups).build();
+            put_modules(&mut whole, &series, &options, &items.iter().collect::<Vec<_>>());
+            let whole = object::file_bytes(whole, length > LONGEST_EXPLICIT).unwrap();
+            assert!(written.bytes == whole, "{count} curves of {length} points");
+        }
+    }
 }
