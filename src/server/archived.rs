@@ -20,7 +20,7 @@ use relief_session::{Engine, LoadedVolume, MemoryFull, VolumeReader, on_blocking
 const MOST_KEYS: usize = 10_000;
 /// Series that may wait to be loaded.
 const MOST_WAITING: usize = 32;
-/// Searches at a time.
+/// Searches of one archive at a time: a slow archive delays no other.
 const SEARCHES: usize = 4;
 /// Results that are being stored at a time.
 const STORES: usize = 4;
@@ -140,7 +140,8 @@ pub struct ArchivedSeries {
 /// The archives of a server, and the series that searches found in them.
 pub(super) struct Archives {
     pub(super) source: Box<dyn SeriesArchives>,
-    pub(super) searches: Arc<Semaphore>,
+    /// Of each archive.
+    pub(super) searches: Vec<Arc<Semaphore>>,
     pub(super) stores: Arc<Semaphore>,
     /// One series is loaded at a time.
     turn: Arc<Semaphore>,
@@ -178,7 +179,8 @@ impl Archives {
     pub(super) fn new(source: Box<dyn SeriesArchives>) -> Result<Self, getrandom::Error> {
         let mut secret = [0; 32];
         getrandom::fill(&mut secret)?;
-        let [searches, stores, turn] = [SEARCHES, STORES, 1].map(|count| Arc::new(Semaphore::new(count)));
+        let searches = source.names().iter().map(|_| Arc::new(Semaphore::new(SEARCHES))).collect();
+        let [stores, turn] = [STORES, 1].map(|count| Arc::new(Semaphore::new(count)));
         Ok(Self { source, searches, stores, turn, secret, found: Mutex::default() })
     }
 

@@ -46,9 +46,10 @@ pub(super) async fn search(
         let detail = "the search has no value; give at least one of patient_id, patient_name, accession_number, study_date, description";
         return Err(Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "out-of-range", detail));
     }
-    let turn = Arc::clone(&archives.searches).try_acquire_owned();
-    let turn =
-        turn.map_err(|_| Problem::unavailable("busy", "other searches are running; try again soon"))?;
+    let turn = Arc::clone(&archives.searches[archive]).try_acquire_owned();
+    let turn = turn.map_err(|_| {
+        Problem::unavailable("busy", "other searches of this archive are running; try again soon")
+    })?;
     let source = Arc::clone(&archives);
     let found =
         on_blocking_thread(turn, "searching an archive", move || source.source.search(archive, &query));
