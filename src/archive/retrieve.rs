@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use futures_util::{StreamExt, TryStreamExt, stream};
-use relief_dicom::{ObjectIdentity, read_identity};
+use relief_dicom::{ObjectIdentity, read_identity_of_file};
 use reqwest::header::CONTENT_TYPE;
 
 use crate::client::Archive;
@@ -49,27 +49,27 @@ impl Retrieved {
         &self.instances
     }
 
-    /// The same, of a patient: instances of others are refused.
+    /// The same instances, with the id of their patient. Instances of another patient are refused.
     #[must_use]
     pub fn of_patient(self, id: Option<&str>) -> Self {
         let id = id.map(str::trim).filter(|id| !id.is_empty());
         Self { patient_id: id.map(str::to_owned), ..self }
     }
 
-    /// What an object should have in common with the wanted instance, and has not.
+    /// The first property in which an object differs from the requested instance.
     fn difference(&self, number: usize, found: &ObjectIdentity) -> Option<&'static str> {
-        // The archive writes ids in UTF-8, the file in its own character set: letters of both can be compared.
-        let is_patient = |wanted: &String| {
-            let is_known = [wanted, &found.patient_id].iter().all(|id| !id.is_empty() && id.is_ascii());
-            !is_known || found.patient_id == *wanted
-        };
-        match () {
-            () if !self.patient_id.as_ref().is_none_or(is_patient) => Some("patient"),
-            () if found.study != self.study => Some("study"),
-            () if found.series != self.series => Some("series"),
-            () if found.sop_instance != self.instances[number] => Some("instance"),
-            () => None,
-        }
+        // Archives send ids in UTF-8, files have character sets of their own: only ASCII is the same in both.
+        let is_comparable = |id: &str| !id.is_empty() && id.is_ascii();
+        let is_other_patient = self.patient_id.as_deref().is_some_and(|wanted| {
+            is_comparable(wanted) && is_comparable(&found.patient_id) && found.patient_id != wanted
+        });
+        let differences = [
+            (is_other_patient, "patient"),
+            (found.study != self.study, "study"),
+            (found.series != self.series, "series"),
+            (found.sop_instance != self.instances[number], "instance"),
+        ];
+        differences.into_iter().find_map(|(differs, what)| differs.then_some(what))
     }
 
     /// The name of the file of an instance within the folder of a retrieval. Names of files show
@@ -153,7 +153,7 @@ impl Archive {
     /// Checks that a file is the instance that was requested. A volume of another patient would be shown under
     /// the name of this one.
     fn expect_wanted(&self, wanted: &Retrieved, number: usize, file: &Path) -> Result<(), ArchiveError> {
-        let identity = read_identity(&std::fs::read(file)?);
+        let identity = read_identity_of_file(file);
         let identity = identity.map_err(|_| self.answer("a damaged file", "a DICOM file"))?;
         match wanted.difference(number, &identity) {
             Some(what) => Err(ArchiveError::Other { archive: self.base.clone(), what }),

@@ -12,25 +12,27 @@ use sha2::{Digest, Sha256};
 /// # Errors
 /// When the file system refuses; there is no new file then, and an earlier one stays.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = shared_temporary().prefix(".relief-").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
+    synced_beside(path, bytes)?.persist(path)?;
     Ok(())
 }
 
-/// Writes a new file, so that it appears whole or not at all. Of several writers at once, one succeeds.
+/// Like [`write_whole`], but never replaces a file. If several writers create one file at the same time, one
+/// of them succeeds.
 ///
 /// # Errors
-/// When the file exists (`AlreadyExists`), which stays as it is; and when the file system refuses.
+/// `AlreadyExists` when the file exists, which stays unchanged; and errors of the file system.
 pub fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    synced_beside(path, bytes)?.persist_noclobber(path)?;
+    Ok(())
+}
+
+/// A synced temporary file with these bytes, in the folder of `path`.
+fn synced_beside(path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = shared_temporary().prefix(".relief-").tempfile_in(folder)?;
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
-    file.persist_noclobber(path)?;
-    Ok(())
+    Ok(file)
 }
 
 /// Temporary files are private to their owner. One that becomes a result is no more private than
@@ -79,13 +81,13 @@ pub fn sha256_of_file(path: &Path) -> std::io::Result<String> {
         }
     }
 }
-/// What tells one file from another, whatever its path: device and number of the file. Where the system has no
-/// such numbers, all files are equal: one that was removed is noticed, one that was replaced is not.
+/// The identity of a file, independent of its path: the numbers of its device and inode. On systems without
+/// inodes all files have equal identities, so a removed file is detected, but a replaced one is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileId([u64; 2]);
 
 impl FileId {
-    /// Of the file with these properties.
+    /// The identity of the file with this metadata.
     #[must_use]
     pub fn of(metadata: &std::fs::Metadata) -> Self {
         #[cfg(unix)]
@@ -100,7 +102,7 @@ impl FileId {
         }
     }
 
-    /// Of the file at a path; `None` where there is none.
+    /// The identity of the file at a path; `None` if there is no file.
     #[must_use]
     pub fn at(path: &Path) -> Option<Self> {
         std::fs::metadata(path).ok().map(|metadata| Self::of(&metadata))

@@ -95,7 +95,6 @@ impl CopiesArguments {
             #[cfg(feature = "archives")]
             archives: self.archive.access()?,
             progress,
-            patient_id: None,
         }))
     }
 }

@@ -101,7 +101,7 @@ pub use report::{
 };
 pub use stored::{
     FileAroundError, ObjectIdentity, ObjectParts, READ_SOP_CLASSES, READ_TRANSFER_SYNTAXES, file_around,
-    parts_of, read_identity,
+    parts_of, read_identity, read_identity_of_file,
 };
 pub use structure_set::{Contour, ContourShape, Structure, StructureSet, read_structure_set};
 pub use write::{ExistingFolder, SeriesFolder, SeriesLabels, WriteError, slice_file_name};

@@ -1,15 +1,19 @@
 //! Objects on their way from and to archives: their identity, the transfer syntaxes that are read,
 //! and the file around a data set that came over the DICOM network.
 
+use std::path::Path;
+
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 
-use super::dataset::{Bounds, Retention};
+use super::dataset::{Bounds, DataSet, Retention};
 use super::object::{EncodeError, meta};
 use super::whole::{self, ObjectError, wrong};
 
 /// Largest object that is sent, bytes.
 const MOST_BYTES: usize = 2 << 30;
+/// Largest size to which a file is inflated for its identity, bytes.
+const MOST_INFLATED_BYTES: u64 = 256 << 20;
 
 /// The UIDs by which an archive knows an object, and its patient. Not for messages.
 #[derive(Clone, PartialEq, Eq)]
@@ -50,7 +54,18 @@ fn keep(tag: Tag) -> Retention {
 /// # Errors
 /// When the bytes are not a whole DICOM file, or lack a UID that an archive needs.
 pub fn read_identity(bytes: &[u8]) -> Result<ObjectIdentity, ObjectError> {
-    let data = whole::read(bytes, MOST_BYTES, Bounds::SLICES, keep)?;
+    identity(&whole::read(bytes, MOST_BYTES, Bounds::SLICES, keep)?)
+}
+
+/// Reads the identity of a DICOM file on the disk, of any size. Pixels are skipped.
+///
+/// # Errors
+/// As for [`read_identity`], and when the file cannot be read, or is deflated and larger than 256 MiB.
+pub fn read_identity_of_file(path: &Path) -> Result<ObjectIdentity, ObjectError> {
+    identity(&whole::read_file(path, MOST_INFLATED_BYTES, Bounds::SLICES, keep)?)
+}
+
+fn identity(data: &DataSet) -> Result<ObjectIdentity, ObjectError> {
     let [sop_class, sop_instance, study, series] = NEEDED.map(|(tag, keyword)| {
         let uid = data.text(tag).unwrap_or_default();
         let uid = uid.trim_matches(['\0', ' ']);

@@ -2,6 +2,8 @@
 //!
 //! The walk keeps the requested elements, within limits; a fault has the path of its items.
 
+use std::path::Path;
+
 use dicom_core::Tag;
 
 use super::dataset::{Bounds, DataSet, KeepOf, LocatedFault};
@@ -56,11 +58,25 @@ pub(super) fn read(
     if bytes.len() > most_bytes {
         return Err(ObjectError::TooLarge { found: bytes.len(), allowed: most_bytes });
     }
-    let at_top = |defect| ObjectError::Damaged { path: String::new(), defect };
     // Inflated, the object may not be larger than one that is not deflated.
     let budget = Budget::new(0, (most_bytes as u64).max(1 << 20));
-    let object = part10::open(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)), &budget);
-    let object = object.map_err(at_top)?;
+    walk(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)), &budget, bounds, keep)
+}
+
+/// The kept elements of a file. The rest is skipped on the disk; a deflated file may inflate to
+/// `most_inflated` bytes.
+pub(super) fn read_file(
+    path: &Path,
+    most_inflated: u64,
+    bounds: Bounds,
+    keep: KeepOf,
+) -> Result<DataSet, ObjectError> {
+    walk(Bytes::Disk(path.to_owned()), &Budget::new(0, most_inflated), bounds, keep)
+}
+
+fn walk(bytes: Bytes, budget: &Budget, bounds: Bounds, keep: KeepOf) -> Result<DataSet, ObjectError> {
+    let at_top = |defect| ObjectError::Damaged { path: String::new(), defect };
+    let object = part10::open(bytes, budget).map_err(at_top)?;
     let damaged = |LocatedFault { trail, defect }: LocatedFault| {
         let steps: Vec<String> = trail.iter().map(|(tag, number)| format!("{tag}[{number}]")).collect();
         ObjectError::Damaged { path: steps.join("/"), defect }

@@ -258,7 +258,7 @@ async fn items_of_others(
     let mut rows = sqlx::query(query).bind(set).fetch(connection);
     while let Some(row) = rows.try_next().await? {
         let author_of = |item: ItemAuthor| item.author;
-        // A damaged item belongs to nobody here.
+        // A damaged item counts as one of another author.
         if serde_json::from_str(row.try_get(0)?).map(author_of).ok().as_deref() != Some(author) {
             return Ok(true);
         }

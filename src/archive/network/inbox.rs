@@ -227,7 +227,7 @@ impl Inbox {
     }
 
     fn write(&self, folder: &Path, path: &Path, file: &[u8]) -> std::io::Result<Status> {
-        if let Some(status) = compared(path, file)? {
+        if let Some(status) = self.compared(path, file)? {
             return Ok(status);
         }
         let is_new = !folder.is_dir();
@@ -239,13 +239,13 @@ impl Inbox {
         }
         let written = self.prepare(folder).and_then(|()| write_new(path, file));
         let written = written.and_then(|()| sync_folders(folder, if is_new { &self.folder } else { folder }));
-        let mut state = self.state.lock();
         if let Err(error) = written {
-            state.bytes = state.bytes.saturating_sub(needed);
-            // Another association has stored an object of this UID meanwhile.
+            self.release(needed);
+            // Another association has stored an object of this UID in the meantime.
             let is_there = error.kind() == std::io::ErrorKind::AlreadyExists;
-            return compared(path, file)?.filter(|_| is_there).ok_or(error);
+            return self.compared(path, file)?.filter(|_| is_there).ok_or(error);
         }
+        let mut state = self.state.lock();
         let series = state.growing.entry(folder.to_owned());
         let series =
             series.or_insert(GrowingSeries { objects: 0, last: Instant::now(), is_committed: false });
@@ -260,6 +260,25 @@ impl Inbox {
         std::fs::create_dir_all(folder)?;
         let _open = self.open.lock();
         mark(folder, true)
+    }
+
+    /// The status of an object whose file exists: success if the bytes are equal. Another association may have
+    /// written the file a moment ago, so its folders are synced before it is acknowledged again.
+    fn compared(&self, path: &Path, file: &[u8]) -> std::io::Result<Option<Status>> {
+        match std::fs::read(path) {
+            Ok(known) if known == file => {
+                let folder = path.parent().unwrap_or(&self.folder);
+                sync_folders(folder, &self.folder).map(|()| Some(Status::Success))
+            }
+            Ok(_) => Ok(Some(Status::Duplicate)),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn release(&self, bytes: u64) {
+        let mut state = self.state.lock();
+        state.bytes = state.bytes.saturating_sub(bytes);
     }
 
     fn reserve(&self, bytes: u64) -> bool {
@@ -298,15 +317,6 @@ fn mark(folder: &Path, is_marked: bool) -> std::io::Result<()> {
         (true, false) if folder.is_dir() => write_whole(&path, INTERRUPTED_TEXT),
         (false, true) => std::fs::remove_file(&path),
         _ => Ok(()),
-    }
-}
-
-/// The status of an object whose file exists: a success where the bytes are the same.
-fn compared(path: &Path, file: &[u8]) -> std::io::Result<Option<Status>> {
-    match std::fs::read(path) {
-        Ok(known) => Ok(Some(if known == file { Status::Success } else { Status::Duplicate })),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
     }
 }
 

@@ -83,7 +83,7 @@ pub struct ReceiverOptions {
     pub title: String,
     /// The callers that are known; all where empty.
     pub callers: Vec<AllowedCaller>,
-    /// Associations at a time; more are closed at once.
+    /// Associations at a time; more are aborted.
     pub associations: usize,
     /// Largest object, bytes.
     pub object_bytes: usize,

@@ -42,9 +42,16 @@ pub struct CopiesOptions {
     pub archives: relief_archive::ArchiveAccess,
     /// Is notified while a series of an archive is retrieved.
     pub progress: CopyProgress,
-    /// The id of the patient whose series is retrieved, where it is known: an archive that sends another
-    /// patient's is refused.
-    pub patient_id: Option<String>,
+}
+
+/// The id of the patient whose series is retrieved, if it is known. `Debug` withholds it.
+#[derive(Clone, Default)]
+struct PatientId(Option<String>);
+
+impl std::fmt::Debug for PatientId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("PatientId").field(&self.0.is_some()).finish()
+    }
 }
 
 /// Is notified of the number of files that have arrived, and of all.
@@ -55,6 +62,7 @@ pub struct CopyProgress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
 #[derive(Clone, Debug)]
 pub struct Copies {
     options: CopiesOptions,
+    patient_id: PatientId,
     #[cfg(any(feature = "archives", feature = "buckets"))]
     state: Arc<parking_lot::Mutex<state::State>>,
 }
@@ -105,6 +113,7 @@ impl Copies {
     pub fn new(options: CopiesOptions) -> Self {
         Self {
             options,
+            patient_id: PatientId::default(),
             #[cfg(any(feature = "archives", feature = "buckets"))]
             state: Arc::default(),
         }
@@ -116,13 +125,10 @@ impl Copies {
         Self { options: CopiesOptions { progress, ..self.options.clone() }, ..self.clone() }
     }
 
-    /// The same copies, of series of this patient.
+    /// The same copies, for series of this patient: instances of another patient are refused.
     #[must_use]
     pub fn of_patient(&self, id: &str) -> Self {
-        Self {
-            options: CopiesOptions { patient_id: Some(id.to_owned()), ..self.options.clone() },
-            ..self.clone()
-        }
+        Self { patient_id: PatientId(Some(id.to_owned())), ..self.clone() }
     }
 
     /// The files that a path leads to: itself; where it is `s3://BUCKET/KEY`, a copy of the object

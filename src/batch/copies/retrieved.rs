@@ -74,7 +74,7 @@ impl Copies {
         let (Some(study), Some(series)) = (address.study(), address.series()) else {
             return Err(Error::new(ErrorKind::InvalidInput, "the address names no series"));
         };
-        let listed = archive.listed(study, series)?.of_patient(self.options.patient_id.as_deref());
+        let listed = archive.listed(study, series)?.of_patient(self.patient_id.0.as_deref());
         let name = name_of(&address, &listed);
         let files = listed.instances().len();
         // Nothing else waits for the service: the lock is released at once.

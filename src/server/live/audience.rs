@@ -1,8 +1,8 @@
-//! What the viewers of a view may see of its annotations.
+//! Which annotations a view draws for its viewers.
 //!
-//! One picture serves all viewers of a view, so it shows only what each of them may see: a blinded set is
-//! drawn while its reader is alone. A server without identities does not know its viewers, and draws what
-//! the presenter asked for.
+//! All viewers of a view get the same picture, so it draws only sets that each of them may see. A blinded set is
+//! drawn while all viewers are its reader. A server without identities does not know its viewers; there the
+//! view draws the sets that the presenter chose.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -10,6 +10,7 @@ use std::time::Instant;
 use crate::annotation_service::Visible;
 use crate::identity::Caller;
 use crate::state::LiveParts;
+use relief_annotation::ShownSets;
 use relief_live::Role;
 use relief_session::{View, Viewer};
 
@@ -22,20 +23,21 @@ pub(super) async fn join(
     caller: &Caller,
 ) -> Arc<Viewer> {
     let reader = caller.identity.as_ref().map(|identity| identity.name.clone());
-    let sees_all = sees_all(parts, view, reader.as_deref()).await;
+    let visible = visible_sets(parts, view, reader.as_deref()).await;
     let viewer = Viewer::new(parts.live.next_id(), role, is_plain, reader, Instant::now());
-    view.join(&viewer, sees_all, Instant::now());
+    view.join(&viewer, &visible, Instant::now());
     viewer
 }
 
-/// Whether a viewer may see every set that a view may draw.
-async fn sees_all(parts: &LiveParts, view: &View, reader: Option<&str>) -> bool {
-    let (Some(annotations), Some(_)) = (&parts.annotations, reader) else { return true };
+/// The sets that a view draws, if the reader may see all of them; else none.
+async fn visible_sets(parts: &LiveParts, view: &View, reader: Option<&str>) -> ShownSets {
+    let (Some(annotations), Some(_)) = (&parts.annotations, reader) else { return ShownSets::Nothing };
     let shown = view.shown();
     if shown.is_nothing() {
-        return true;
+        return shown;
     }
-    let Ok(sets) = annotations.sets().await else { return false };
+    let Ok(sets) = annotations.sets().await else { return ShownSets::Nothing };
     let visible = Visible::new(&sets, reader);
-    sets.iter().all(|set| !shown.has(&set.name) || visible.sees(&set.name))
+    let sees_all = sets.iter().all(|set| !shown.has(&set.name) || visible.sees(&set.name));
+    if sees_all { shown } else { ShownSets::Nothing }
 }

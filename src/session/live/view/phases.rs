@@ -141,7 +141,7 @@ mod tests {
         let view = View::new("a".to_owned(), presentation, start);
         let phases = |of: &Arc<VolumeEntry>| volumes.phases_of(of);
         assert_eq!(view.play(phases, at(100)), None, "nobody watches");
-        view.join(&Viewer::new(1, Role::Presenter, false, None, start), true, start);
+        view.join(&Viewer::new(1, Role::Presenter, false, None, start), &ShownSets::Nothing, start);
         let turn = Intent::Orbit { azimuth_deg: 40.0, elevation_deg: 0.0 };
         view.apply_intents(None, &[turn], 0, start);
         let camera = view.record().orientation_xyzw;

@@ -1,4 +1,4 @@
-//! Who watches a view: viewers come and go, and decide together what may be drawn.
+//! The viewers of a view. Which annotations it draws depends on all of them.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -7,18 +7,24 @@ use std::time::Instant;
 use super::{Inner, View};
 use crate::Drawables;
 use crate::live::viewer::Viewer;
+use relief_annotation::ShownSets;
 use relief_live::{Peers, Role};
 
 impl View {
-    /// Adds a viewer. Where it may not see all that the view draws, the present frame is dropped, and frames
-    /// have no annotations until they have been read for the new viewers.
-    pub fn join(&self, viewer: &Arc<Viewer>, sees_all: bool, now: Instant) {
+    /// Adds a viewer who may see all annotations of the sets `visible`. If the view draws other sets, the
+    /// current frame is dropped, and new frames have no annotations until these have been read again for
+    /// all viewers.
+    pub fn join(&self, viewer: &Arc<Viewer>, visible: &ShownSets, now: Instant) {
         {
             let mut inner = self.lock();
             inner.viewers.push(Arc::clone(viewer));
             inner.was_joined = true;
-            if !sees_all {
+            if viewer.reader.is_some() {
                 inner.drawn_revision = None;
+            }
+            // Compared under the lock: a presenter may have chosen other sets since they were checked.
+            let draws_others = !inner.presentation.shown.is_nothing() && inner.presentation.shown != *visible;
+            if viewer.reader.is_some() && draws_others {
                 inner.presentation.set_drawables(Drawables::default());
                 inner.audience += 1;
                 inner.renewed(now);
@@ -35,7 +41,7 @@ impl View {
         let mut inner = self.lock();
         inner.viewers.retain(|known| known.id != viewer.id);
         if viewer.reader.is_some() {
-            inner.drawn_revision = None; // the others may see more
+            inner.drawn_revision = None; // the remaining viewers may be allowed to see more
         }
         if inner.viewers.is_empty() {
             inner.idle_since = Instant::now();
