@@ -77,7 +77,7 @@ impl Archive {
         request().await
     }
 
-    /// Makes requests that together end in time. What is given up is cancelled.
+    /// Limits the total time of several requests. At the limit the current request is cancelled.
     pub(crate) async fn within<T>(
         &self,
         longest: Duration,

@@ -1,7 +1,7 @@
-//! The matches of a search in DICOM's JSON (PS3.18, annex F), read into the attributes that are wanted.
+//! Matches of a search in DICOM's JSON (PS3.18, annex F), reduced to the attributes that the client needs.
 //!
-//! An archive may send any attribute, of any size. What is not wanted is skipped while it is read, and takes no
-//! memory: a list of numbers takes sixteen times its size as a JSON value.
+//! An archive may send any attribute, of any size. The parser skips all other attributes without storing
+//! them. As a JSON value, a list of numbers would take sixteen times its size.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -95,7 +95,7 @@ impl<'de> Deserialize<'de> for Match {
     }
 }
 
-/// A key, if it is wanted.
+/// Reads a key; `None` for an attribute that is not kept.
 struct WantedKey;
 
 impl<'de> DeserializeSeed<'de> for WantedKey {
@@ -134,14 +134,14 @@ impl<'de> Deserialize<'de> for FirstText {
     }
 }
 
-/// Reads a value; `is_list` where it is the list, whose first element counts.
+/// Reads a value. If `is_list`, it is the list of values, and its first element is the result.
 #[derive(Clone, Copy)]
 struct First {
     is_list: bool,
 }
 
 impl First {
-    /// A text by itself, not in a list, is no value of an attribute.
+    /// The result for a text. Values are always in lists, so a text in place of the list is ignored.
     fn of(self, text: &str) -> FirstText {
         let text = if self.is_list { "" } else { text };
         let end = (0..=text.len().min(LONGEST_TEXT)).rev().find(|end| text.is_char_boundary(*end));
@@ -250,7 +250,7 @@ mod tests {
         assert_eq!(found[0].text("00100010"), "ä".repeat(LONGEST_TEXT / 2));
         let many = format!("[{}{{}}]", "{},".repeat(MOST_MATCHES));
         assert!(serde_json::from_str::<Matches>(&many).is_err());
-        // Deeper than the parser goes: an error, no overflow of the stack.
+        // The parser limits the depth, so deep nesting is an error and does not overflow the stack.
         let deep = format!(r#"[{{"x":{}}}]"#, "[".repeat(100_000));
         assert!(serde_json::from_str::<Matches>(&deep).is_err());
     }

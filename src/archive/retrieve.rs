@@ -19,7 +19,7 @@ use crate::part::PartReader;
 
 /// Instances that are retrieved at a time.
 const AT_ONCE: usize = 6;
-/// The time that an instance may take, beside that for its bytes at the lowest mean rate.
+/// Time that is added to the time for an instance's bytes at the lowest mean rate.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Lowest mean rate of an instance, bytes per second.
 const SLOWEST_BYTES_PER_S: u64 = 8 << 10;
@@ -38,7 +38,7 @@ pub struct Retrieved {
     study: String,
     series: String,
     instances: Vec<String>,
-    /// The id of the patient, where it is known.
+    /// The id of the patient, if it is known.
     patient_id: Option<String>,
 }
 
@@ -150,8 +150,8 @@ impl Archive {
         Ok(std::fs::rename(&partial, path)?)
     }
 
-    /// Checks that a file is the instance that was requested. A volume of another patient would be shown under
-    /// the name of this one.
+    /// Checks that a file is the requested instance. Otherwise another patient's volume would appear under
+    /// this patient's name.
     fn expect_wanted(&self, wanted: &Retrieved, number: usize, file: &Path) -> Result<(), ArchiveError> {
         let identity = read_identity_of_file(file);
         let identity = identity.map_err(|_| self.answer("a damaged file", "a DICOM file"))?;

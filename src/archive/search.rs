@@ -24,7 +24,7 @@ const LARGEST_ANSWER: u64 = 64 << 20;
 const LARGEST_SEARCH: u64 = 256 << 20;
 /// Longest time of a search, all of its pages and tries together.
 const LONGEST_SEARCH: Duration = Duration::from_secs(60);
-/// The same for the list of the instances of a series, of which there may be many.
+/// Longest time of listing the instances of a series, which may have many pages.
 const LONGEST_LISTING: Duration = Duration::from_secs(120);
 pub(crate) const JSON: &str = "application/dicom+json";
 

@@ -10,7 +10,7 @@ use crate::client::Archive;
 use crate::error::ArchiveError;
 use crate::search::JSON;
 
-/// Largest outcome of a storage, bytes: it is about one object.
+/// Largest answer to the storage of one object, bytes.
 const LARGEST_OUTCOME: u64 = 1 << 20;
 
 /// A DICOM file with the UIDs that it has.

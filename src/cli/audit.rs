@@ -21,8 +21,8 @@ Examples:
   relief audit audit.log.1 audit.log       # a log that was moved while the server wrote it
   relief audit audit.log --contains 2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824")]
 pub(super) struct AuditArguments {
-    /// The log of `relief serve --audit-log`; all its files, the oldest first, if it was moved while a server
-    /// wrote it
+    /// The log of `relief serve --audit-log`. If it was moved while a server wrote it: all of its files,
+    /// the oldest first
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Fail unless the log has the record of this hash
@@ -49,10 +49,10 @@ pub(super) fn run(arguments: &AuditArguments) -> anyhow::Result<ExitCode> {
             say!("{} lines were cut off by crashes", summary.torn);
         }
         if summary.refused > 0 {
-            say!("{} more requests were refused, and have no record of their own", summary.refused);
+            say!("{} further requests were refused; the log only counts them", summary.refused);
         }
         if summary.lost > 0 {
-            say!("{} requests have no record: the disk did not take them", summary.lost);
+            say!("{} requests have no record, because the disk was too slow or full", summary.lost);
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -136,7 +136,7 @@ async fn welcome(server: &ServerAddress, socket: &mut Socket) -> Result<Box<Welc
             }
             Message::Text(text) => match ServerMessage::parse(&text) {
                 Ok(ServerMessage::Welcome(welcome)) => {
-                    // The name appears in messages to people, and in addresses.
+                    // The name is printed and becomes part of addresses.
                     let checked = check_view_name(&welcome.view).map(|()| welcome);
                     return checked.map_err(|error| not_relief(AnswerError::Message(error)));
                 }

@@ -140,8 +140,8 @@ pub(super) fn file_bytes(object: InMemDicomObject, is_long: bool) -> Result<Vec<
     Ok(bytes)
 }
 
-/// The end of a file whose last element is a sequence, whose last item ends with a sequence: of that one the
-/// end, of the item, and of the first one.
+/// The last bytes of a file that ends with a sequence within an item of another sequence, all of undefined
+/// length: the delimiters of the inner sequence, of the item and of the outer sequence.
 const OPEN_END: [u8; 24] = [
     0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0, 0xfe, 0xff, 0x0d, 0xe0, 0, 0, 0, 0, 0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0,
     0,
@@ -149,13 +149,13 @@ const OPEN_END: [u8; 24] = [
 const ITEM: [u8; 8] = [0xfe, 0xff, 0x00, 0xe0, 0xff, 0xff, 0xff, 0xff];
 const ITEM_END: [u8; 8] = [0xfe, 0xff, 0x0d, 0xe0, 0, 0, 0, 0];
 
-/// A file does not end with the sequence that items are to be added to.
+/// The file does not end with [`OPEN_END`].
 #[derive(Debug, thiserror::Error)]
-#[error("the sequence at the end of the file has another form")]
+#[error("the file does not end with a sequence of undefined length")]
 struct NoOpenEnd;
 
-/// A file of [`file_bytes`] with more items in the innermost sequence at its end (see [`OPEN_END`]). An item is
-/// encoded before the next one is made.
+/// Adds items to the inner sequence at the end of a file (see [`OPEN_END`]) that [`file_bytes`] made. Each
+/// item is encoded before the iterator makes the next one.
 pub(super) fn with_more_items(
     mut file: Vec<u8>,
     items: impl Iterator<Item = InMemDicomObject>,

@@ -15,7 +15,7 @@ const MOST_BYTES: usize = 2 << 30;
 /// Largest size to which a file is inflated for its identity, bytes.
 const MOST_INFLATED_BYTES: u64 = 256 << 20;
 
-/// The UIDs by which an archive knows an object, and its patient. Not for messages.
+/// The UIDs of an object and the id of its patient. They must not appear in messages.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ObjectIdentity {
     /// Its kind, such as a segmentation.
@@ -26,7 +26,7 @@ pub struct ObjectIdentity {
     pub study: String,
     /// Its series.
     pub series: String,
-    /// The id of its patient, as it is written; empty where it has none.
+    /// The id of its patient, without spaces around it; empty if the object has none.
     pub patient_id: String,
 }
 

@@ -63,8 +63,8 @@ pub(super) fn read(
     walk(Bytes::Memory(bytes::Bytes::copy_from_slice(bytes)), &budget, bounds, keep)
 }
 
-/// The kept elements of a file. The rest is skipped on the disk; a deflated file may inflate to
-/// `most_inflated` bytes.
+/// The kept elements of a file. Other elements are skipped and take no memory. A deflated file may inflate
+/// to `most_inflated` bytes.
 pub(super) fn read_file(
     path: &Path,
     most_inflated: u64,

@@ -12,8 +12,8 @@ use crate::ffmpeg::{Ffmpeg, FrameRate, finish, report_of};
 
 /// Largest side of a picture, pixels.
 const MAX_SIDE_PX: u32 = 16384;
-/// Options of ffmpeg that keep it to the file that it is given. A playlist may have the name of a film, and leads
-/// to other files and to the network; only containers that hold their film are read.
+/// Options that restrict ffmpeg to the given file. Playlists, which can be named like films, refer to other
+/// files and to the network. Therefore only formats that contain their film are read.
 const ONE_FILE: [&str; 4] = [
     "-protocol_whitelist",
     "file",

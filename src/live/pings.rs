@@ -1,31 +1,32 @@
-//! How many pings a connection answers. A WebSocket answers each ping with a pong, which waits in memory until
-//! the other side reads: without a limit, a side that only sends fills the memory of the other.
+//! A limit of the pings of a connection. A WebSocket answers each ping with a pong, which stays in memory
+//! until the other side reads it. Without a limit, a peer that sends pings and reads nothing fills the
+//! memory.
 
 use std::time::{Duration, Instant};
 
-/// The pings of one connection: a number at once, and then some a second. A server sends one in
-/// ten seconds, `relief client` two in three seconds.
+/// The limit of one connection: a burst, and then a rate. A server sends a ping every 10 seconds, `relief
+/// client` every 1.5 seconds.
 #[derive(Clone, Debug)]
 pub struct PingLimit {
-    /// Pings that may come now.
+    /// Pings that are still accepted.
     left: u32,
-    /// When `left` rose last.
+    /// When `left` was increased last.
     since: Instant,
 }
 
 impl PingLimit {
-    /// Pings at once.
+    /// Pings in a burst.
     pub const AT_ONCE: u32 = 32;
-    /// Time after which one more may come.
+    /// Time after which one more ping is accepted.
     pub const INTERVAL: Duration = Duration::from_millis(500);
 
-    /// The limit of a connection that begins now.
+    /// The limit of a new connection.
     #[must_use]
     pub const fn new(now: Instant) -> Self {
         Self { left: Self::AT_ONCE, since: now }
     }
 
-    /// Counts a ping; false where it is one too many, and the connection should end.
+    /// Counts a ping. False if it exceeds the limit, and the connection should be closed.
     #[must_use]
     pub fn accepts(&mut self, now: Instant) -> bool {
         let passed = now.saturating_duration_since(self.since).as_millis() / Self::INTERVAL.as_millis();

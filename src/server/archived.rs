@@ -20,7 +20,7 @@ use relief_session::{Engine, LoadedVolume, MemoryFull, VolumeReader, on_blocking
 const MOST_KEYS: usize = 10_000;
 /// Series that may wait to be loaded.
 const MOST_WAITING: usize = 32;
-/// Searches of one archive at a time: a slow archive delays no other.
+/// Most searches at a time, for each archive, so that a slow archive does not block the others.
 const SEARCHES: usize = 4;
 /// Results that are being stored at a time.
 const STORES: usize = 4;
@@ -140,7 +140,7 @@ pub struct ArchivedSeries {
 /// The archives of a server, and the series that searches found in them.
 pub(super) struct Archives {
     pub(super) source: Box<dyn SeriesArchives>,
-    /// Of each archive.
+    /// One for each archive, in the order of their names.
     pub(super) searches: Vec<Arc<Semaphore>>,
     pub(super) stores: Arc<Semaphore>,
     /// One series is loaded at a time.

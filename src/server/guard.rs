@@ -117,8 +117,8 @@ pub(super) fn expect_content_type(headers: &HeaderMap, expected: &'static str) -
         .with("allowed", expected))
 }
 
-/// The time that a body may take: some patience, and then a lowest mean rate. A client that sends a byte
-/// now and then holds no place for long.
+/// The time limit of a body: a fixed time, plus the time for the received bytes at the lowest mean rate. So
+/// a client that sends single bytes does not occupy a place for long.
 pub(super) struct BodyTime {
     since: Instant,
     patience: Duration,
@@ -131,7 +131,7 @@ impl BodyTime {
         Self { since: Instant::now(), patience, slowest_bytes_per_s: slowest_bytes_per_s.max(1) }
     }
 
-    /// The next part of a body of which `received` bytes are there; `None` at its end.
+    /// The next part of a body; `None` at its end. `received` is the number of bytes before it.
     ///
     /// # Errors
     /// 408 when it comes too slowly, 400 when it is broken.

@@ -58,7 +58,7 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, kind, detail)
     }
 
-    /// What is wrong, in words.
+    /// The description of the problem.
     pub(super) fn detail(&self) -> &str {
         &self.detail
     }
@@ -270,7 +270,7 @@ impl IntoResponse for Problem {
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         let retry_after_s = match self.status {
             StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS => Some("1"),
-            // Somebody has to make room.
+            // Space is freed by people, which takes longer.
             StatusCode::INSUFFICIENT_STORAGE => Some("60"),
             _ => None,
         };

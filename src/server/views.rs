@@ -1,9 +1,9 @@
-//! True views: the views of a layout, each rendered with the camera of its eye, in place of views that
-//! are made of one picture and its depth.
+//! True views: each view of a layout is rendered with the camera of its eye. `frame` makes all views of one
+//! picture and its depth instead.
 //!
-//! The cameras stand beside that of the scene and converge on the plane of the screen, which follows from the
-//! depth limits of the scene's own picture. So a layout of N views renders N + 1 pictures, one after the other;
-//! each waits for its turn as any other picture does.
+//! The cameras are beside the scene's camera and converge on the plane of the screen. That plane follows
+//! from the depth limits of the scene's own picture, so a layout of N views needs N + 1 pictures. They are
+//! rendered one after the other, and each takes its turn in the render queue.
 
 use std::sync::Arc;
 

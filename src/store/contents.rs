@@ -45,8 +45,7 @@ impl Store {
         Ok(id)
     }
 
-    /// Bytes of all contents together, and of all texts that sets and templates have had: none of them is ever
-    /// removed.
+    /// Bytes of all contents and of all versions of sets and templates. The log keeps all of them.
     ///
     /// # Errors
     /// Errors of the database.

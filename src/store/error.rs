@@ -105,8 +105,8 @@ pub enum StoreError {
     /// The log exists, and its content is inconsistent.
     #[error("the log is damaged: {0}; keep this file and continue with a backup")]
     Damaged(#[from] Damage),
-    /// A set or template belongs to somebody else.
-    #[error("{name:?} belongs to another author")]
+    /// The author does not own the set or template.
+    #[error("{name:?} has another owner")]
     NotOwner {
         /// Its name.
         name: String,
@@ -130,9 +130,7 @@ pub enum StoreError {
     #[error("cannot reach the log: {0}")]
     Unreachable(Cause),
     /// The file of the log was moved, removed or replaced since it was opened.
-    #[error(
-        "the file of the log is not at its path any more: put it back, or restart the program with another one"
-    )]
+    #[error("the file of the log was moved or replaced: put it back, or restart the program")]
     FileGone,
     /// The connection cannot be encrypted.
     #[error(

@@ -1,4 +1,4 @@
-//! The file of a log in SQLite: whether it is still at its path, and who may read it.
+//! The file of a log in SQLite: checks that it is still at its path, and sets its permissions.
 
 use std::path::PathBuf;
 
@@ -17,13 +17,14 @@ impl LogFile {
         Self { path, id }
     }
 
-    /// Whether the file is at its path. SQLite writes into a file that was removed, and such changes are lost.
+    /// Whether the file is at its path. SQLite continues to write into a removed file, and these changes
+    /// are lost.
     pub(super) fn is_there(&self) -> bool {
         self.id.is_some() && FileId::at(&self.path) == self.id
     }
 
-    /// Lets nobody but the owner read the file: it names people and what they have seen in a patient. Files that
-    /// SQLite makes beside it later have the same mode.
+    /// Lets only the owner read the file, which contains names of authors and findings about patients.
+    /// Files that SQLite creates beside it later get the same permissions.
     pub(super) fn keep_private(&self) -> std::io::Result<()> {
         #[cfg(unix)]
         {

@@ -24,25 +24,25 @@ pub enum AuditedKind {
     Template,
 }
 
-/// What is known of a set or template at the time of its change, in the same transaction.
+/// The state of a set or template before a change, read in the transaction of the change.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NamedState {
-    /// The stored text; `None` where there is none yet.
+    /// The stored text; `None` for a new set or template.
     pub text: Option<String>,
     /// The author of its first text.
     pub creator: Option<String>,
-    /// Whether a set has items of other authors than the one who changes it.
+    /// Whether a set has items whose author is not the author of the change.
     pub has_items_of_others: bool,
 }
 
 /// Whether a set or template may be changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Permission {
-    /// It may.
+    /// The change is permitted.
     Granted,
-    /// The author has seen another text than the stored one.
+    /// The stored text has changed since the author read it.
     Replaced,
-    /// It belongs to somebody else.
+    /// The author is not the owner.
     NotOwner,
 }
 

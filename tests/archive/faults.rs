@@ -115,7 +115,8 @@ fn place_of(file: &[u8]) -> String {
     format!("/studies/{}/series/{}", identity.study, identity.series)
 }
 
-/// Invariant: A series whose archive sends instances of another one is refused, whole, by the name of the difference.
+/// Invariant: If an archive sends instances of another series, the whole series is refused, and the message
+/// states the difference.
 #[test]
 fn instances_of_another_patient_or_series_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -127,7 +128,7 @@ fn instances_of_another_patient_or_series_are_refused() {
     let (wanted, other) = (slices("sphere"), slices("slab"));
     let place = place_of(&wanted[0]);
     let uids: Vec<String> = wanted.iter().map(|file| read_identity(file).unwrap().sop_instance).collect();
-    // Another series of the archive; one instance twice.
+    // The archive sends another series, and then one instance for all requests.
     for (sent, what) in
         [(other, "another study"), (vec![wanted[0].clone(); wanted.len()], "another instance")]
     {
@@ -149,8 +150,8 @@ fn instances_of_another_patient_or_series_are_refused() {
     }
 }
 
-/// Invariant: What an archive adds to its answers takes no memory, and a search ends within a minute, whatever
-/// the archive sends.
+/// Invariant: Unneeded attributes in an archive's answers take no memory, and a search ends within a
+/// minute.
 #[test]
 fn junk_in_answers_takes_no_memory() {
     let junk = vec![b'0'; 20 << 20].iter().flat_map(|digit| [*digit, b',']).collect::<Vec<u8>>();
@@ -163,14 +164,14 @@ fn junk_in_answers_takes_no_memory() {
         reply(stream, "200 OK", JSON, &[head.as_bytes(), &junk, b"0]}]"].concat())
     });
     let since = std::time::Instant::now();
-    // The answers are 40 MiB each; as values of JSON they would be 640.
+    // Each answer has 40 MiB; as JSON values it would take 640 MiB.
     let said = failed(&mut relief(&["inspect", &archive.address("?PatientID=*")]));
     assert!(said.contains("in answer to one search") || said.contains("to answer"), "{said}");
-    // Of five tries none is repeated: the limits are no faults that pass.
+    // Exceeding a limit is final: the search is not repeated.
     assert!(since.elapsed() < std::time::Duration::from_secs(100), "{:?}", since.elapsed());
 }
 
-/// Invariant: An archive that does not end its answers, to searches and to retrievals, delays no search of another one.
+/// Invariant: An archive that never ends its answers does not delay searches of another archive.
 #[test]
 fn a_slow_archive_delays_no_other() {
     let folder = tempfile::tempdir().unwrap();
@@ -195,7 +196,7 @@ fn a_slow_archive_delays_no_other() {
         let line = format!("POST /v1/archives/{archive}/search");
         ask(&address, &line, "", body).unwrap().status
     };
-    // As many as one archive may have, and one more.
+    // Four searches of an archive may run at a time; the fifth is refused.
     let _waiting = [(); 4].map(|()| {
         let mut stream = TcpStream::connect(&address).unwrap();
         let head = format!(

@@ -94,12 +94,12 @@ async fn pings_without_end_end_the_connection() {
         if greets {
             socket.send(welcome("t", false)).await.unwrap();
         }
-        // Nothing that the client sends is read.
+        // The server does not read what the client sends.
         let flood =
             tokio::spawn(
                 async move { while socket.send(Message::Ping(vec![7; 125].into())).await.is_ok() {} },
             );
-        // Without a session the client ends; else it looks for the server again.
+        // Before the welcome the client ends; after it, it reconnects.
         let reason = if greets {
             let reason = client.until(lost).await;
             client.handle.stop();

@@ -48,7 +48,7 @@ fn frames_of_a_film_decode_with_their_headers() {
     }
 }
 
-/// Invariant: A file that leads to other films is no film: nothing but the named file is read.
+/// Invariant: A playlist with the name of a film is refused: only the named file is read.
 #[test]
 fn a_playlist_by_the_name_of_a_film_is_refused() {
     let Some(ffmpeg) = ffmpeg() else {
@@ -78,7 +78,7 @@ fn a_playlist_by_the_name_of_a_film_is_refused() {
             String::from_utf8_lossy(&refused.stdout)
         );
     }
-    // What the playlists lead to is a film.
+    // The files in the playlists are films.
     let out = folder.path().join("whole.mkv");
     ok(&relief(&["convert", text(&segment), "--estimate-depth", "--ffmpeg", &ffmpeg, "--out", text(&out)]));
 }

@@ -1,4 +1,4 @@
-//! Limits of live sessions against clients that take more than their share.
+//! Limits of live sessions: pings, and views of one caller.
 
 use axum::body::Body;
 use axum::http::Request;
@@ -10,8 +10,7 @@ use tokio_tungstenite::tungstenite::Message;
 use crate::server::live_stage::{Came, Running};
 use crate::server::owners::{ANNA, BEN, known};
 
-/// Invariant: A client that sends pings without end, and reads nothing, is disconnected before its pongs fill the
-/// memory.
+/// Invariant: A client that sends pings and reads nothing is disconnected before its pongs fill the memory.
 #[tokio::test]
 async fn pings_without_end_end_the_connection() {
     for greets in [false, true] {
@@ -21,7 +20,7 @@ async fn pings_without_end_end_the_connection() {
             client.send(&json!({ "type": "hello" })).await;
             client.event("welcome").await;
         }
-        // The two limits: the burst, and what the socket's buffers hold.
+        // Far more than the limit and the buffers of the socket.
         for _ in 0..100_000 {
             client.send_raw(Message::Ping(vec![7; 125].into())).await;
         }
@@ -36,12 +35,12 @@ async fn pings_without_end_end_the_connection() {
     }
 }
 
-/// Invariant: One caller has at most half of the views: a view that it left makes room for the next, and other
-/// callers find room.
+/// Invariant: One caller has at most half of the views. Views without viewers are closed for its next ones,
+/// and other callers can open views.
 #[tokio::test]
 async fn one_caller_leaves_views_for_others() {
     let known = known();
-    // Eight views: two for each session.
+    // The limit of views is twice that of sessions: 8.
     let live = LiveConfig { sessions: 4, ..LiveConfig::default() };
     let running = Running::of(Config { live, ..known.config() }).await;
     for _ in 0..20 {

@@ -1,5 +1,4 @@
-//! Whose sets, templates and drawings are, on a server that knows its callers: as one annotator meets the
-//! work of another.
+//! Ownership of sets and templates, and blinded sets in live views, on a server that knows its callers.
 
 use axum::body::Body;
 use axum::http::{Method, Request};
@@ -77,8 +76,8 @@ fn create(name: &str, set: &str) -> Value {
     json!({ "changes": [{ "change": "create", "item": item }] })
 }
 
-/// Invariant: No annotator takes over the set of another, the default set, or another's template; an administrator
-/// may.
+/// Invariant: Annotators cannot take over the set of another, the default set, or another's template.
+/// Administrators can.
 #[tokio::test]
 async fn sets_and_templates_stay_their_owners() {
     let known = known();
@@ -96,7 +95,7 @@ async fn sets_and_templates_stay_their_owners() {
         let problem = ask(BEN, Method::PUT, "/sets/a", &seen, &body).await.problem(403);
         assert_eq!(problem["type"], "urn:relief:problem:not-owner");
     }
-    // A set that anna's items name belongs to nobody else.
+    // A set without a description, with items of Anna.
     assert_eq!(ask(ANNA, Method::POST, "", "", &create("hers too", "unnamed")).await.status, 201);
     ask(BEN, Method::PUT, "/sets/unnamed", new, &json!({ "reader": "ben" })).await.problem(403);
     ask(BEN, Method::PUT, "/sets/default", new, &json!({ "reader": "ben", "blinded": true }))
@@ -112,7 +111,7 @@ async fn sets_and_templates_stay_their_owners() {
     assert_eq!(ask(ROOT, Method::PUT, "/templates/skull", &seen, &template).await.status, 200);
 }
 
-/// Invariant: Texts of templates and sets count as contents of the log, which has a limit.
+/// Invariant: Texts of templates and sets count against the limit of the log's contents.
 #[tokio::test]
 async fn templates_have_a_limit() {
     let stage = Stage::annotated_with(Config { content_bytes: 20_000, ..Config::default() }).await;
@@ -128,7 +127,7 @@ async fn templates_have_a_limit() {
     assert!((2..10).contains(&kept) && statuses.ends_with(&[507, 507]), "{statuses:?}");
 }
 
-/// Invariant: A live view draws, names and says nothing of a blinded set while one of its viewers may not see it.
+/// Invariant: A live view does not draw or mention a blinded set while one of its viewers may not see it.
 #[tokio::test]
 async fn live_views_show_blinded_sets_to_their_readers_alone() {
     let known = known();
@@ -147,7 +146,7 @@ async fn live_views_show_blinded_sets_to_their_readers_alone() {
     anna.send(&orbit(1, 5.0)).await;
     anna.still(1).await;
     assert_eq!(stage.gate.labels(), ["annas point"]);
-    // One who watches, one who presents, and one who asks for the set in a view of his own.
+    // Ben watches her view, presents in it, and asks for her set in a view of his own.
     for (view, hello) in [
         ("main", json!({ "view": "main", "role": "watcher" })),
         ("main", json!({ "view": "main" })),
@@ -155,7 +154,7 @@ async fn live_views_show_blinded_sets_to_their_readers_alone() {
     ] {
         let (mut ben, welcome) = known.hello(&running, BEN, hello).await;
         assert!(!welcome.to_string().contains("annas point"), "{welcome}");
-        // What comes until the next picture at rest, which both have asked for.
+        // The texts that Ben receives with his next two frames.
         let mut texts = Vec::new();
         let mut frames = 0;
         while frames < 2 {
@@ -179,7 +178,7 @@ async fn live_views_show_blinded_sets_to_their_readers_alone() {
         );
         drop(ben);
     }
-    // He has left: her drawings come back.
+    // After he has left, her set is drawn again.
     for seq in 10.. {
         anna.send(&orbit(seq, 2.0)).await;
         anna.still(seq).await;

@@ -1,4 +1,4 @@
-//! True views: each view of a layout from its own eye, beside the sphere's closed form.
+//! True views, compared with the closed form of a sphere.
 
 use relief_display::{Frame, Layout, Pixels, Views};
 use serde_json::json;
@@ -16,7 +16,7 @@ fn views(answer: &Answer, layout: Layout) -> Views {
     layout.decode(&frame).unwrap().views.unwrap()
 }
 
-/// The mean column of the pixels that show the sphere, whose middle is that of the volume.
+/// The mean column of the pixels that show the sphere.
 fn column_of_sphere(view: &[[u8; 3]], width: usize) -> f64 {
     let lit = || view.iter().enumerate().filter(|(_, color)| **color == [200, 40, 20]);
     lit().map(|(at, _)| (at % width) as f64 + 0.5).sum::<f64>() / lit().count() as f64
@@ -25,7 +25,8 @@ fn column_of_sphere(view: &[[u8; 3]], width: usize) -> f64 {
 #[tokio::test]
 async fn each_view_is_rendered_from_its_own_eye() {
     let stage = Stage::new();
-    // The screen at the near limit: all of the sphere is behind it, so the left eye sees it further to the left.
+    // With the screen at the near limit, the whole sphere is behind it, so the left eye sees it further to
+    // the left.
     for (offset, is_behind) in [(255, true), (0, false)] {
         let path = stage.path(&format!("views?{SCENE}&layout=views-5x1&offset={offset}&factor=255"));
         let seen =
@@ -38,10 +39,10 @@ async fn each_view_is_rendered_from_its_own_eye() {
             "offset {offset}: {columns:?}"
         );
         for (left, right) in [(0, 4), (1, 3)] {
-            // Eyes at equal distances from the middle see mirror images of what is symmetric.
+            // The sphere is symmetric, so eyes at equal distances from the middle see mirror images.
             assert!((columns[left] + columns[right] - 64.0).abs() < 0.3, "{columns:?}");
         }
-        // Parallax is linear in the eye's place.
+        // Parallax is proportional to the distance of the eye from the middle.
         let [inner, outer] = [columns[3] - 32.0, columns[4] - 32.0];
         assert!((outer - 2.0 * inner).abs() < 0.5 && outer.abs() > 0.8, "{columns:?}");
     }

@@ -328,7 +328,7 @@ fn only_a_trusted_proxy_names_callers() {
     assert_eq!(running.status("GET /v1/volumes", "", &[]), 401);
     let identity = running.ask("GET /v1/identity", named, &[]).1;
     assert!(String::from_utf8(identity).unwrap().contains("renée"));
-    // A client's own header beside that of a proxy that adds one.
+    // The client sends the proxy's header too.
     let two = format!("X-Forwarded-User: eve\r\n{named}");
     assert_eq!(running.status("GET /v1/volumes", &two, &[]), 401);
     let identity = running.ask("GET /v1/identity", &two, &[]).1;
@@ -339,8 +339,8 @@ fn only_a_trusted_proxy_names_callers() {
     assert_eq!(running.status("GET /v1/volumes", named, &[]), 401);
 }
 
-/// Invariant: Strangers who sign in slowly delay nobody: few at a time are read, each for seconds, and the audit
-/// log has each attempt.
+/// Invariant: Slow sign-ins do not delay other requests. The server reads at most 16 at a time, each for at
+/// most 5 seconds. The audit log records or counts every attempt.
 #[test]
 fn strangers_who_sign_in_slowly_delay_nobody() {
     let folder = tempfile::tempdir().unwrap();
@@ -351,7 +351,7 @@ fn strangers_who_sign_in_slowly_delay_nobody() {
     let running = Running::spawn(&mut relief(&arguments));
     assert_eq!(status_of(&running.sign_in("relief_guess", "")), 401);
     let head = "POST /v1/sign-in HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 4000\r\n\r\n{";
-    // As many as the server has connections.
+    // The server accepts 256 connections.
     let strangers: Vec<TcpStream> = (0..256)
         .map(|_| {
             let mut stranger = TcpStream::connect(&running.address).unwrap();
@@ -367,7 +367,7 @@ fn strangers_who_sign_in_slowly_delay_nobody() {
     for mut stranger in strangers {
         stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         let mut answer = [0; 12];
-        // Where another connection needed the place, there is no answer.
+        // The server may have closed the connection to make room for another one.
         if stranger.read_exact(&mut answer).is_ok() {
             *statuses.entry(std::str::from_utf8(&answer[9..]).unwrap().parse().unwrap()).or_default() += 1;
         }
@@ -383,8 +383,8 @@ fn strangers_who_sign_in_slowly_delay_nobody() {
     assert!(text.contains("\"status\":401") && !text.contains("relief_guess"), "{text}");
 }
 
-/// Invariant: While the file of tokens is damaged or missing, no token is accepted; once it can be read again,
-/// its tokens are.
+/// Invariant: While the token file is damaged or missing, no token is accepted. When it can be read again,
+/// its tokens are accepted.
 #[test]
 fn a_damaged_token_file_accepts_nobody() {
     let folder = tempfile::tempdir().unwrap();

@@ -248,7 +248,7 @@ async fn an_edit_that_finds_no_room_leaves_nothing() {
     assert_eq!(store.check().await.unwrap().items, 3200);
 }
 
-/// Invariant: A log whose file was moved, removed or replaced acknowledges no change, and does again once the file is
+/// Invariant: A log whose file was moved, removed or replaced acknowledges no changes until the file is
 /// back at its path.
 #[tokio::test]
 async fn a_file_that_is_gone_takes_no_edits() {
@@ -260,7 +260,7 @@ async fn a_file_that_is_gone_takes_no_edits() {
     let gone = store.apply(&edit("anna", vec![create(&point("b", 0.0))])).await;
     assert!(matches!(gone, Err(StoreError::FileGone)), "{gone:?}");
     assert!(!place.exists(), "no empty log takes its place");
-    // Another file at the path is another log.
+    // A different file is put at the path.
     Store::open(other.to_str().unwrap()).await.unwrap().close().await;
     std::fs::rename(&other, &place).unwrap();
     let replaced = store.put_template("t", "{}", "anna").await;
@@ -272,8 +272,8 @@ async fn a_file_that_is_gone_takes_no_edits() {
     assert_eq!(again.check().await.unwrap().items, 2);
 }
 
-/// Invariant: A new log is readable by its owner alone, and so are the files beside it; the mode of an existing one
-/// stays.
+/// Invariant: Only the owner can read a new log and the files beside it. An existing log keeps its
+/// permissions.
 #[cfg(unix)]
 #[tokio::test]
 async fn a_new_log_is_private() {

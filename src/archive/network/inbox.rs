@@ -18,8 +18,8 @@ use super::message::Status;
 /// Content of the file that marks an interrupted series.
 const INTERRUPTED_TEXT: &[u8] =
     b"The transfer of this series has not ended or was interrupted, so slices may be missing. Send it again: a complete transfer removes this file.\n";
-/// What the smallest file or folder takes of a disk, bytes. Small objects, each in folders of its own, would
-/// otherwise take more blocks and inodes than the quota says.
+/// Disk space of the smallest file or folder, bytes. The quota counts whole blocks and folders, because
+/// many small objects would otherwise use more of the disk than it allows.
 const BLOCK: u64 = 4096;
 /// Hexadecimal digits of the names of folders and files.
 const NAME_DIGITS: usize = 16;
@@ -231,7 +231,7 @@ impl Inbox {
             return Ok(status);
         }
         let is_new = !folder.is_dir();
-        // The file, the mark of its series, and folders of the study and the series.
+        // For a new series: its mark, its folder and the folder of the study.
         let needed = on_disk(file.len()) + if is_new { 3 * BLOCK } else { 0 };
         if !self.reserve(needed) {
             tracing::warn!("an object is refused: the quota of {} bytes is used up", self.quota_bytes);
@@ -320,7 +320,7 @@ fn mark(folder: &Path, is_marked: bool) -> std::io::Result<()> {
     }
 }
 
-/// Bytes that a file takes on the disk: whole blocks.
+/// Disk space of a file of this size, bytes.
 fn on_disk(bytes: usize) -> u64 {
     (bytes as u64).next_multiple_of(BLOCK)
 }
@@ -368,8 +368,9 @@ fn bytes_below(folder: &Path) -> std::io::Result<u64> {
 mod tests {
     use super::*;
 
-    /// Invariant: Of different objects of one UID that arrive at once, one is stored and acknowledged; the others are
-    /// refused as duplicates. Equal ones are all acknowledged, and stored once.
+    /// Invariant: If different objects with the same UID arrive at the same time, one is stored and
+    /// acknowledged, and the others are refused as duplicates. Equal objects are all acknowledged and
+    /// stored once.
     #[test]
     fn of_objects_of_one_uid_at_once_one_is_acknowledged() {
         let folder = tempfile::tempdir().unwrap();
@@ -379,7 +380,7 @@ mod tests {
             let path = series.join(format!("{round}.dcm"));
             let start = std::sync::Barrier::new(4);
             let statuses: Vec<Status> = std::thread::scope(|scope| {
-                // Two senders of one object, two of others.
+                // Two associations send equal objects, two send different ones.
                 let objects = [0_u8, 0, 1, 2].map(|content| vec![content; 3000]);
                 let writers = objects.map(|object| {
                     let (inbox, series, path, start) = (&inbox, &series, &path, &start);
@@ -395,7 +396,8 @@ mod tests {
                 [0, 0, 1, 2].map(|content| if content == kept { Status::Success } else { Status::Duplicate });
             assert_eq!(statuses, expected, "round {round}: {kept} is kept");
         }
-        // Those that were refused took nothing of the quota. Of the first ones, any may have found no folder.
+        // Refused objects do not count against the quota. Folders count for the association that found
+        // none, which in the first round may be one that was refused.
         let bytes = inbox.state.lock().bytes;
         assert!((200 * BLOCK..=203 * BLOCK).contains(&bytes), "{bytes}");
     }

@@ -1,4 +1,4 @@
-//! A message while its fragments arrive, and the memory and time that it may take.
+//! A message that arrives in fragments, with limits of its memory and time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,12 +8,12 @@ use dicom_ul::pdu::{PDataValue, PDataValueType};
 
 use super::message::{LARGEST_COMMAND, Request};
 
-/// The time that an object may take, beside that for its bytes at the lowest mean rate.
+/// Time that is added to the time for an object's bytes at the lowest mean rate.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Lowest mean rate of an object, bytes per second.
 const SLOWEST_BYTES_PER_S: usize = 16 << 10;
 
-/// Memory of the objects that all associations are receiving.
+/// The memory for objects that are arriving, shared by all associations.
 #[derive(Debug)]
 pub(super) struct ObjectMemory {
     used: AtomicUsize,
@@ -25,7 +25,7 @@ impl ObjectMemory {
         Self { used: AtomicUsize::new(0), most }
     }
 
-    /// Takes so many more bytes; false where there is no room.
+    /// Reserves bytes; false if the limit would be exceeded.
     fn take(&self, bytes: usize) -> bool {
         let used = self.used.fetch_add(bytes, Ordering::AcqRel) + bytes;
         if used > self.most {
@@ -35,7 +35,7 @@ impl ObjectMemory {
     }
 }
 
-/// A message while its fragments arrive.
+/// A message of which some fragments have arrived.
 pub(super) struct Message {
     memory: Arc<ObjectMemory>,
     /// Most bytes of its data set.
@@ -46,14 +46,14 @@ pub(super) struct Message {
     since: Instant,
 }
 
-/// Why a message is given up, and its association ends.
+/// Why the receiver ends an association in the middle of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum GivenUp {
-    #[error("it is damaged, or no request that is known")]
+    #[error("the message is damaged, or an unknown request")]
     NotUnderstood,
     #[error("an object is larger than allowed")]
     Large,
-    #[error("the objects that are being received take as much memory as they may together")]
+    #[error("the objects that are arriving have reached their limit of memory")]
     Memory,
     #[error("an object arrives slower than {SLOWEST_BYTES_PER_S} bytes per second")]
     Slow,
@@ -65,12 +65,13 @@ impl Message {
         Self { memory, largest, command, request: None, data_set, since: Instant::now() }
     }
 
-    /// Forgets it: the next one begins.
+    /// Begins the next message.
     pub(super) fn clear(&mut self) {
         *self = Self::new(Arc::clone(&self.memory), self.largest);
     }
 
-    /// Takes a fragment; the context and the request when the message is whole, or cannot become so.
+    /// Adds a fragment. Returns the presentation context with the request when the message is complete, or
+    /// with an error when the association has to end.
     pub(super) fn push(&mut self, value: PDataValue) -> Option<(u8, Result<Request, GivenUp>)> {
         let context = value.presentation_context_id;
         let outcome = match value.value_type {

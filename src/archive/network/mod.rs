@@ -3,7 +3,7 @@
 //!
 //! Associations are negotiated by dicom-ul. `message` has the commands, `receiver` the conversation,
 //! `inbox` the folder in which objects are durable before they are acknowledged, `commitment` the
-//! reports about them, `sender` the other direction. `strangers` and `incoming` bound what callers may take.
+//! reports about them, `sender` the other direction. `strangers` and `incoming` have the limits for callers.
 
 mod commitment;
 mod inbox;

@@ -87,12 +87,13 @@ pub struct ReceiverOptions {
     pub associations: usize,
     /// Largest object, bytes.
     pub object_bytes: usize,
-    /// Most bytes of the objects that all associations are receiving.
+    /// Most bytes of objects that are arriving, in all associations together.
     pub memory_bytes: usize,
 }
 
 impl ReceiverOptions {
-    /// Options with the usual limits: 16 associations, objects of 256 MiB, 512 MiB of all that are arriving.
+    /// Options with the usual limits: 16 associations, objects of 256 MiB, 512 MiB for all objects that are
+    /// arriving.
     ///
     /// # Errors
     /// When the title cannot be one.
@@ -290,7 +291,7 @@ impl Shared {
                     }
                     Ok(request) => self.answer(&association, context, &request, &message.data_set, transfer),
                     Err(reason) => {
-                        tracing::warn!("a message is given up: {reason}");
+                        tracing::warn!("an association is ended: {reason}");
                         None
                     }
                 };

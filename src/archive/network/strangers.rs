@@ -1,5 +1,5 @@
-//! Connections of callers who have not yet said who they are. They hold none of the places of
-//! associations: a silent stranger delays no known caller.
+//! Connections whose association is not negotiated yet. They do not count as associations, so silent
+//! connections do not keep known callers out.
 
 use std::collections::VecDeque;
 use std::net::{Shutdown, TcpStream};
@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
-/// Strangers at a time; one more ends the one that has waited the longest.
+/// Most connections before negotiation. A further one closes the oldest.
 const MOST: usize = 32;
-/// The longest time of a negotiation, where others come.
+/// Time for a negotiation. After it, the next connection closes this one.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// All strangers, the first one in front.
+/// All connections before negotiation, the oldest first.
 #[derive(Debug, Default)]
 pub(super) struct Strangers(Mutex<Known>);
 
@@ -23,7 +23,7 @@ struct Known {
     waiting: VecDeque<(u64, Instant, TcpStream)>,
 }
 
-/// A stranger, until it is dropped.
+/// A connection before negotiation, until this is dropped.
 #[derive(Debug)]
 pub(super) struct Stranger {
     all: Arc<Strangers>,
@@ -31,7 +31,7 @@ pub(super) struct Stranger {
 }
 
 impl Strangers {
-    /// One more stranger. Ends those who have waited too long, and the first one where there are too many.
+    /// Adds a connection. Closes those that exceed their time, and the oldest if there are too many.
     pub(super) fn add(self: &Arc<Self>, stream: &TcpStream) -> std::io::Result<Stranger> {
         let stream = stream.try_clone()?;
         let mut known = self.0.lock();

@@ -74,7 +74,7 @@ impl Copies {
         }
         let name = self.name_of(bucket, key, &objects);
         let is_one = matches!(&*objects, [one] if one.location.as_ref() == key);
-        // Nothing else waits for the service: the lock is released at once.
+        // The lock is released before the transfer, so that other calls do not wait for it.
         let shelf = self.state.lock().shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             draft.reserve(needed)?;

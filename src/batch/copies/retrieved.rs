@@ -77,7 +77,7 @@ impl Copies {
         let listed = archive.listed(study, series)?.of_patient(self.patient_id.0.as_deref());
         let name = name_of(&address, &listed);
         let files = listed.instances().len();
-        // Nothing else waits for the service: the lock is released at once.
+        // The lock is released before the transfer, so that other calls do not wait for it.
         let shelf = self.state.lock().shelf(self.options.folder.as_deref()).map_err(of_this_machine)?;
         let fetch = |draft: &Draft<'_>| {
             let progress = |done: usize| self.options.progress.report(done, files);

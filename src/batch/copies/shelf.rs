@@ -42,7 +42,7 @@ pub(super) struct CopyFolder {
     folder: PathBuf,
     /// Removes it when dropped, and marks it as used until then.
     temporary: Option<(TempDir, File)>,
-    /// Held while a copy is made: two would not know of each other's bytes.
+    /// Held while a copy is made. Two at the same time could exceed the limit of bytes together.
     making: Mutex<()>,
 }
 

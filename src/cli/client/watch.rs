@@ -74,15 +74,17 @@ impl Recorder {
     }
 }
 
-/// Prints changes of the connection and what the server refuses to stderr, each text once; nothing of patients.
+/// Prints changes of the connection and refusals of the server to stderr, each text once, without data of
+/// patients.
 #[derive(Debug, Default)]
 pub(crate) struct LinkLog {
-    /// Texts that were printed since the last connection: attempts go on every 800 ms.
+    /// Texts that were printed since the last connection. Without it, each attempt (every 800 ms) would
+    /// print them again.
     printed: Mutex<BTreeSet<String>>,
 }
 
 impl LinkLog {
-    /// Most texts of one connection: a server may send any number.
+    /// Most texts of one connection.
     const MOST: usize = 100;
 
     pub(crate) fn take(&self, event: &Event) {
@@ -110,20 +112,20 @@ impl LinkLog {
         }
     }
 
-    /// Prints a text that may hold words of the server.
+    /// Prints a text that may contain words of the server.
     fn print(&self, text: &str) {
         let text: String = printable(text).chars().take(LONGEST_TEXT).collect();
         let mut printed = self.printed.lock();
         if printed.len() < Self::MOST && printed.insert(text.clone()) {
             eprintln!("{text}");
             if printed.len() == Self::MOST {
-                eprintln!("more messages of this connection are not printed");
+                eprintln!("further messages of this connection are not printed");
             }
         }
     }
 }
 
-/// Characters of a text that are printed.
+/// Longest text, characters; the rest is cut off.
 const LONGEST_TEXT: usize = 500;
 
 /// A view that changes shows it within this, if only in a small picture.

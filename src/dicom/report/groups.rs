@@ -54,7 +54,7 @@ pub enum UnreportableItem {
     },
 }
 
-/// The number of points of an item's longest graphic, or why it has no group.
+/// The number of points of an item's longest graphic, or the reason why a report cannot hold the item.
 pub(super) fn points(item: &Item, frame_of_reference: &str) -> Result<usize, UnreportableItem> {
     let graphics = graphics_of(item, frame_of_reference)?;
     Ok(graphics.path.len().max(graphics.controls.len()))
@@ -70,7 +70,7 @@ fn graphics_of(item: &Item, frame_of_reference: &str) -> Result<Graphics, Unrepo
     graphics(geometry)
 }
 
-/// The group of an item, or why it has none.
+/// The group of an item, or the reason why a report cannot hold the item.
 pub(super) fn group(
     item: &Item,
     frame_of_reference: &str,

@@ -53,8 +53,7 @@ pub struct LeftOut {
     pub reason: UnreportableItem,
 }
 
-/// Writes items as a report about a series. The same items, series and options make the same bytes. Each item is
-/// encoded before the next one is built: as objects, many items take forty times their bytes.
+/// Writes items as a report about a series. The same items, series and options make the same bytes. Each item is encoded before the next one is built, because objects in memory take forty times their encoded size.
 ///
 /// # Errors
 /// When the series has no frame of reference, or no item can be in a report.
@@ -226,7 +225,7 @@ mod tests {
         SeriesReference::of(found.select(None).unwrap()).unwrap()
     }
 
-    /// The items that are encoded one by one make the bytes of a report that is encoded as a whole.
+    /// A report whose items are encoded one by one is equal to a report that is encoded as a whole.
     #[test]
     fn a_report_in_parts_has_the_bytes_of_a_whole_one() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,30 +1,30 @@
-//! Whose sets and templates are: who may change their descriptions.
+//! The owners of sets and templates, who may change their descriptions.
 //!
 //! | what | owner |
 //! |---|---|
 //! | a set with a reader | the reader |
 //! | a set with a description and no reader | the author of its first description; a blinded one has no owner |
-//! | a set without a description | whoever made all of its items; of the default set nobody |
+//! | a set without a description | the author of all of its items; the default set has no owner |
 //! | a template | the author of its first text |
 //!
-//! Owners and administrators may change them. A set that others have items in gets no reader, and is not
-//! blinded, by its owner: that would take their items from them. Whoever may write items into a set:
-//! see [`Visible`](super::Visible). An open server does not know its callers and allows every change.
+//! Owners and administrators may change them. An owner cannot give a set with items of other authors a
+//! reader or blind it, because these authors would lose their items. [`Visible`](super::Visible) says who
+//! may write items into a set. An open server does not know its callers and allows every change.
 
 use crate::identity::{Identity, Scope};
 use relief_annotation::Set;
 use relief_store::{NamedState, Permission};
 
-/// What is changed.
+/// The subject of a change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Named<'a> {
-    /// The description of a set, to this one.
+    /// A set, with its new description.
     Set(&'a Set),
     /// A template.
     Template,
 }
 
-/// Whether the caller may change a set or template that the log knows as `state`.
+/// Whether the caller may change a set or template with this state.
 pub(crate) fn permission(what: Named<'_>, caller: Option<&Identity>, state: &NamedState) -> Permission {
     let Some(identity) = caller.filter(|identity| identity.scope < Scope::Admin) else {
         return Permission::Granted;
@@ -33,7 +33,7 @@ pub(crate) fn permission(what: Named<'_>, caller: Option<&Identity>, state: &Nam
     let is_owner = match what {
         Named::Template => state.creator.is_none() || is_caller(&state.creator),
         Named::Set(new) => match state.text.as_deref().map(serde_json::from_str::<Set>) {
-            // Only an administrator mends it.
+            // The stored description is damaged: only an administrator may replace it.
             Some(Err(_)) => false,
             Some(Ok(known)) if known.reader.is_some() => is_caller(&known.reader),
             Some(Ok(known)) => {
@@ -55,8 +55,8 @@ mod tests {
         Set { name: name.to_owned(), reader: reader.map(str::to_owned), blinded, template: None }
     }
 
-    /// Invariant: Only the owner of a set or template and administrators change it, and no owner takes items of
-    /// others away.
+    /// Invariant: Only its owner and administrators change a set or template. An owner cannot take items
+    /// away from their authors.
     #[test]
     fn sets_and_templates_are_changed_by_their_owners() {
         let identity =

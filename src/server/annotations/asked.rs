@@ -83,8 +83,9 @@ impl EditRequest {
         if bytes == 0 || self.annotations.store.content_bytes().await?.saturating_add(bytes) <= limit {
             return Ok(());
         }
-        let detail =
-            format!("the log has as many bytes of regions, meshes, sets and templates as allowed: {limit}");
+        let detail = format!(
+            "regions, meshes, sets and templates in the log have reached their limit of {limit} bytes"
+        );
         Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, "contents-full", detail).with("allowed", limit))
     }
 

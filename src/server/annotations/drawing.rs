@@ -35,7 +35,7 @@ pub(crate) async fn draw(
 }
 
 impl Annotations {
-    /// The drawables of a volume's items that this author and all of these readers may see.
+    /// Drawables of those items of a volume that the author and all readers may see.
     pub(crate) async fn drawables_of(
         &self,
         entry: &VolumeEntry,

@@ -6,12 +6,10 @@
 //! hash elsewhere, or let the file system allow appending only (`chattr +a`).
 //!
 //! A record has the route and the id of a volume, which is a hash; no path, query or UID.
-//! A thread writes records in their order and syncs them at least once a second. While it cannot
-//! write, or the file is not at its path any more, the server refuses requests. It tries again every
-//! second, and creates a file that was removed.
+//! A thread writes records in their order and syncs them at least once a second. While it cannot write, or the file was moved or removed, the server refuses requests. The thread tries again every second and creates a missing file.
 //!
-//! Strangers cannot fill the disk: of refused requests, [`Refusals::PER_MINUTE`] have a record of
-//! their own in each minute. The others are counted, and the next record states their number.
+//! Refused requests cannot fill the disk: at most [`Refusals::PER_MINUTE`] of them are recorded in a
+//! minute. The next record contains the number of the others.
 
 mod record;
 mod refusals;
@@ -117,18 +115,18 @@ impl AuditLog {
         Ok(Self { messages: Some(messages), health, refusals: Mutex::default(), thread: Some(thread) })
     }
 
-    /// Whether records can be kept now: the disk takes them, and the file is at its path.
+    /// Whether records can be written: the last attempt succeeded, and the file is at its path.
     pub(super) fn is_kept(&self) -> bool {
         if self.health.file_is_there() {
             return self.health.is_good();
         }
-        // The writer makes a new file, and then the log is good again.
+        // The thread creates a new file and then clears the failure.
         self.health.failed();
         self.send(Message::Look);
         false
     }
 
-    /// Counts a request that is refused because no record can be kept.
+    /// Counts a request that is refused because no record can be written.
     pub(super) fn count_refused(&self) {
         self.refusals.lock().count();
     }
@@ -174,7 +172,7 @@ pub(super) struct PendingRecord {
 }
 
 impl PendingRecord {
-    /// The request was answered with this status, to a caller who proved an identity by it.
+    /// The request was answered with this status. It proved the identity of its caller.
     pub(super) fn answered_to(&mut self, caller: Caller, status: u16) {
         self.caller = caller;
         self.answered(status);

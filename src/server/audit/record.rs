@@ -14,16 +14,16 @@ pub(super) struct Record {
     /// The hash of the record before this one.
     pub(super) previous: String,
     pub(super) time: Timestamp,
-    /// The line before this record was cut off by a crash.
+    /// The line before this record is incomplete, because the server crashed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(super) torn: bool,
-    /// The record before this one is in another file: the log was moved, emptied or removed.
+    /// The record before this one is in another file, because the log was moved, emptied or removed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(super) continues: bool,
-    /// Refused requests before this record that have none of their own.
+    /// Number of refused requests since the record before that have no record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) refused: Option<u64>,
-    /// Requests before this record whose records could not be kept.
+    /// Number of requests since the record before whose records did not fit into the queue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) lost: Option<u64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,7 +59,7 @@ impl Record {
         }
     }
 
-    /// The line of this record after the one of the hash `head`, which becomes its own.
+    /// The line of this record. `head` is the hash of the record before and becomes the hash of this one.
     pub(super) fn line_after(self, head: &mut String) -> serde_json::Result<String> {
         let body = serde_json::to_string(&Self { previous: head.clone(), ..self })?;
         *head = sha256_of(body.as_bytes());
@@ -67,7 +67,7 @@ impl Record {
     }
 }
 
-/// A line, without its end, whose hash is that of its record.
+/// The hash and the record of a line without its line break; `None` if the hash is wrong.
 pub(super) fn parse(line: &[u8]) -> Option<(String, Record)> {
     let text = std::str::from_utf8(line).ok()?;
     let (hash, body) = text.split_once(' ')?;

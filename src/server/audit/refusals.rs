@@ -1,4 +1,4 @@
-//! Which refused requests have a record of their own: a bounded number in each minute.
+//! Selects the refused requests that get a record: a limited number in each minute.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 pub(super) struct Refusals {
     since: Instant,
     recorded: u64,
-    /// Those that no record counts yet.
+    /// Refused requests without a record that no record counts yet.
     uncounted: u64,
 }
 
@@ -18,18 +18,18 @@ impl Default for Refusals {
 }
 
 impl Refusals {
-    /// Records of refused requests in a minute: at most 60 MB in a day.
+    /// Most records of refused requests in a minute. They take at most 60 MB a day.
     pub(super) const PER_MINUTE: u64 = 120;
     const MINUTE: Duration = Duration::from_secs(60);
 
-    /// Whether an answer of this status has a record of its own, and the refused requests that this record
-    /// counts; `None` if it has none.
+    /// `None` if a request with this status gets no record. Otherwise the number of refused requests that
+    /// its record counts, if there are any.
     #[expect(clippy::option_option, reason = "a record, and a number in it")]
     pub(super) fn before(&mut self, status: Option<u16>) -> Option<Option<u64>> {
         if self.since.elapsed() >= Self::MINUTE {
             (self.since, self.recorded) = (Instant::now(), 0);
         }
-        // Not identified, not allowed, one too many, or not served for now.
+        // Unauthorized, forbidden, too many requests, service unavailable.
         if matches!(status, Some(401 | 403 | 429 | 503)) {
             if self.recorded >= Self::PER_MINUTE {
                 self.count();
@@ -45,7 +45,7 @@ impl Refusals {
         self.uncounted += 1;
     }
 
-    /// The refused requests that no record counts yet.
+    /// Takes the number of refused requests that no record counts yet.
     pub(super) fn rest(&mut self) -> Option<u64> {
         Some(std::mem::take(&mut self.uncounted)).filter(|count| *count > 0)
     }

@@ -1,4 +1,4 @@
-//! The chain, the writer's way through failures, and the bound on refused requests.
+//! Tests of the chain, of recovery from failures, and of the limit for refused requests.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -86,7 +86,7 @@ fn a_line_cut_off_by_a_crash_is_kept_and_named() {
     drop(open);
 }
 
-/// Invariant: A whole last line of an audit log that was changed is no line that a crash cut off.
+/// Invariant: A changed last line of an audit log is reported as a change and not taken for a crash.
 #[test]
 fn a_changed_last_record_is_no_crash() {
     let folder = tempfile::tempdir().unwrap();
@@ -100,7 +100,7 @@ fn a_changed_last_record_is_no_crash() {
         let error = verify(&path).unwrap_err();
         assert!(matches!(error, AuditError::Broken { line: at, .. } if at == line), "{replaced}: {error}");
     }
-    // Cut off at each byte: the log goes on, and the line is no record or the whole one.
+    // A crash can cut the last line off at any byte. The log stays valid and can be continued.
     for length in 1..=last.len() {
         std::fs::write(&path, format!("{before}\n{}", &last[..length])).unwrap();
         let is_whole = length == last.len();
@@ -110,13 +110,13 @@ fn a_changed_last_record_is_no_crash() {
         if length % 40 == 0 || is_whole {
             log_three(&path);
             let summary = verify(&path).unwrap();
-            // Its own record says that a line was cut off.
+            // One record states that a line is incomplete; it counts as a record itself.
             assert_eq!((summary.records, summary.torn), (6, torn), "cut at {length}");
         }
     }
 }
 
-/// Invariant: Refused requests write a bounded number of records in a minute; the log counts the others.
+/// Invariant: A limited number of refused requests is recorded in a minute; the log counts the others.
 #[test]
 fn refused_requests_are_sampled_and_counted() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,13 +128,13 @@ fn refused_requests_are_sampled_and_counted() {
     drop(log);
     let summary = verify(&path).unwrap();
     let own = Refusals::PER_MINUTE;
-    // The next minute may begin between two requests.
+    // A new minute may begin during the test.
     assert!((own + 2..=2 * own + 2).contains(&summary.records), "{summary:?}");
     assert_eq!(summary.records - 2 + summary.refused, 5050, "a record each, or counted: {summary:?}");
 }
 
-/// Invariant: An audit log that was removed, moved or emptied is written again at its path, and the new file names
-/// the hash of the newest record of the old one.
+/// Invariant: If an audit log is removed, moved or emptied, the server continues it in a new file, which
+/// begins with the hash of the last record of the old one.
 #[test]
 fn a_removed_log_is_made_again_and_names_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
@@ -161,7 +161,7 @@ fn a_removed_log_is_made_again_and_names_the_one_before() {
     assert_eq!(verify_audit_log(&files, None).unwrap().records, 7);
 }
 
-/// Invariant: An audit log that the disk refuses takes the same records once there is room.
+/// Invariant: Records that cannot be written are kept and written later.
 #[test]
 fn records_wait_until_the_disk_takes_them() {
     let folder = tempfile::tempdir().unwrap();

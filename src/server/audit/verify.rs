@@ -13,11 +13,11 @@ use super::writer::MOST_LINE_BYTES;
 pub struct AuditSummary {
     /// Whole records.
     pub records: u64,
-    /// Lines that a crash cut off, each followed by a record that says so.
+    /// Lines that a crash left incomplete.
     pub torn: u64,
-    /// Refused requests that are counted and have no record of their own.
+    /// Refused requests that are only counted.
     pub refused: u64,
-    /// Requests whose records could not be kept.
+    /// Requests whose records were lost.
     pub lost: u64,
     /// Hash of the newest record.
     pub head: String,
@@ -43,7 +43,7 @@ fn verify_file(
 ) -> Result<AuditSummary, AuditError> {
     let failure = |source| AuditError::File { path: path.to_owned(), source };
     let mut reader = BufReader::new(File::open(path).map_err(failure)?);
-    // The number of a line that a crash cut off, and whether something ended it.
+    // The number of an incomplete line, and whether a line break follows it.
     let mut torn_line = None;
     for line in 1.. {
         let mut bytes = Vec::new();
@@ -54,7 +54,7 @@ fn verify_file(
         let broken = |what| AuditError::Broken { path: path.to_owned(), line, what };
         let ended = bytes.strip_suffix(b"\n");
         if ended == Some(b"") {
-            continue; // the end of a line that was cut off, by a server that was cut off, too
+            continue; // a server crashed while it ended an incomplete line
         }
         let Some((hash, record)) = parse(ended.unwrap_or(&bytes)) else {
             if torn_line.is_some() || is_whole(&bytes) {
@@ -77,7 +77,7 @@ fn verify_file(
         (summary.head, torn_line) = (hash, None);
     }
     match torn_line {
-        // A server ends a cut-off line together with the record that says so.
+        // The server writes the line break together with the next record, so this line was changed.
         Some((line, true)) => {
             Err(AuditError::Broken { path: path.to_owned(), line, what: "it is no record" })
         }
@@ -88,7 +88,7 @@ fn verify_file(
     }
 }
 
-/// Whether a line that is no record is whole: no crash has cut it off, so it was changed.
+/// Whether an invalid line is complete. A crash leaves incomplete lines, so a complete one was changed.
 fn is_whole(line: &[u8]) -> bool {
     let text = String::from_utf8_lossy(line);
     let Some((_, body)) = text.trim_end_matches('\n').split_once(' ') else { return false };

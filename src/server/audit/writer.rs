@@ -1,4 +1,4 @@
-//! The thread that writes records: in their order, again and again until the disk takes them.
+//! The thread that writes records in their order and repeats failed writes.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -19,16 +19,16 @@ pub(super) const MOST_LINE_BYTES: u64 = 4096;
 /// Pause between two attempts to write.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// What the thread is to do.
+/// Commands for the thread.
 #[derive(Debug)]
 pub(super) enum Message {
     /// Write a record.
     Record(Box<Record>),
-    /// See whether the file is at its path.
+    /// Check that the file is at its path, and create it if it is missing.
     Look,
 }
 
-/// What the thread and the server know of each other.
+/// State that the thread and the server share.
 #[derive(Debug, Default)]
 pub(super) struct Health {
     path: PathBuf,
@@ -78,7 +78,7 @@ pub(super) struct Writer {
     torn: bool,
     /// Whether the newest record is in another file.
     continues: bool,
-    /// Whether a failed write may have left a part of a line.
+    /// Whether a failed write may have left an incomplete line.
     has_partial: bool,
 }
 
@@ -98,7 +98,7 @@ impl Writer {
         Ok((Self { health, file, length, head, torn, continues: false, has_partial: false }, known))
     }
 
-    /// Writes until the senders are gone. What waits together is synced together.
+    /// Writes until all senders are dropped. Records that wait at the same time are synced together.
     pub(super) fn run(mut self, waiting: &Receiver<Message>) {
         while let Ok(first) = waiting.recv() {
             let rest = std::iter::from_fn(|| waiting.try_recv().ok()).take(WAITING);
@@ -110,7 +110,7 @@ impl Writer {
         }
     }
 
-    /// Writes records, however long the disk refuses them; gives up when the log is closed.
+    /// Repeats a failed write until it succeeds or the log is closed.
     fn write_until_kept(&mut self, records: &[Record]) {
         let log = self.health.path.clone();
         while let Err(error) = self.write(records) {
@@ -125,11 +125,11 @@ impl Writer {
         }
         self.health.is_reported.store(false, Ordering::Relaxed);
         if self.health.has_failed.swap(false, Ordering::Relaxed) {
-            tracing::warn!(log = %log.display(), "the audit log is written");
+            tracing::warn!(log = %log.display(), "the audit log is written again");
         }
     }
 
-    /// Writes records and syncs them. After an error nothing of them is in the file.
+    /// Writes records and syncs them. After an error, the next attempt removes incomplete lines.
     fn write(&mut self, records: &[Record]) -> std::io::Result<()> {
         self.find_file()?;
         let (mut head, mut text) = (self.head.clone(), String::new());
@@ -166,7 +166,7 @@ impl Writer {
         }
         let length = self.file.metadata()?.len();
         if self.has_partial && length > self.length {
-            // A file that allows appending only keeps the part of the line.
+            // A file that only allows appending cannot be shortened: the incomplete line stays.
             self.torn |= self.file.set_len(self.length).is_err();
         } else if length < self.length {
             self.continues = true;
@@ -204,7 +204,7 @@ fn end_of(file: &mut File, path: &Path) -> Result<End, AuditError> {
     file.read_to_end(&mut tail).map_err(failure)?;
     let mut whole = tail.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
     if parse(&tail[whole..]).is_some() {
-        // Cut off before the end of its line.
+        // A complete record without its line break.
         file.write_all(b"\n").map_err(failure)?;
         whole = tail.len();
     }

@@ -68,7 +68,7 @@ impl Admission {
         let mut named = headers.get_all(&proxy.header).iter().filter(|_| is_trusted);
         let Some(value) = named.next() else { return Ok(None) };
         if named.next().is_some() {
-            // The client's own beside the proxy's: either may be the first.
+            // One of them may come from the client, and the order is unknown.
             let detail = format!(
                 "the request has several headers {}: the proxy must remove those of clients",
                 proxy.header

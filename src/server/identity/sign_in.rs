@@ -41,7 +41,8 @@ async fn identity(State(door): State<Door>, request: Request) -> Result<Response
     let admission = &door.config.admission;
     let peer = request.extensions().get::<Peer>();
     let found = if admission.is_open() { Ok(None) } else { door.identify(request.headers(), peer, true) };
-    // A token that is not valid is 401 everywhere; a proxy's mistake is described to its operator.
+    // An invalid token is 401 on every route. Behind a proxy, this route describes the problem, so that its
+    // operator can find it.
     let (found, problem) = match found {
         Err(problem) if admission.proxy.is_none() => return Err(problem),
         Err(problem) => (None, Some(problem.detail().to_owned())),
@@ -88,7 +89,7 @@ async fn sign_in(State(door): State<Door>, request: Request) -> Response {
     response
 }
 
-/// The token in the body of a request, and its entry.
+/// The token in the body of a request, with its entry in the token file.
 async fn entry_of(door: &Door, caller: &Caller, request: Request) -> Result<(String, TokenEntry), Problem> {
     let Some(tokens) = &door.config.admission.tokens else {
         let detail = "this server has no tokens: start it with --token-file";
@@ -117,8 +118,8 @@ async fn sign_out(request: Request) -> Response {
     (StatusCode::NO_CONTENT, set_cookie("", 0, is_encrypted(&request))).into_response()
 }
 
-/// Whether the browser's connection is encrypted, to this server or to a proxy before it. A client that
-/// claims it falsely keeps its own cookie from plain connections, and nothing else.
+/// Whether the browser's connection to this server or to its proxy is encrypted. A client can send a false
+/// `X-Forwarded-Proto`; then its own browser does not send the cookie over plain connections.
 fn is_encrypted(request: &Request) -> bool {
     let by_proxy = request.headers().get("x-forwarded-proto").is_some_and(|value| value == "https");
     by_proxy || request.extensions().get::<Peer>().is_some_and(|peer| peer.is_encrypted)

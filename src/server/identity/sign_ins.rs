@@ -1,5 +1,4 @@
-//! Places for callers that sign in. Signing in needs no identity, so strangers may try it: few of them
-//! at a time.
+//! Limits of simultaneous sign-ins. Signing in needs no identity, so anybody can try it.
 
 use std::sync::Arc;
 
@@ -8,12 +7,12 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::caller::Caller;
 use crate::shares::{Share, Shares};
 
-/// Callers that sign in at a time.
+/// Most sign-ins at a time.
 const AT_ONCE: usize = 16;
-/// The same, of one address other than loopback.
+/// Most sign-ins at a time from one address; loopback addresses have no such limit.
 const AT_ONCE_OF_ADDRESS: usize = 4;
 
-/// The callers that are signing in.
+/// Counts the sign-ins in progress.
 pub(crate) struct SignIns {
     all: Arc<Semaphore>,
     of_address: Arc<Shares>,
@@ -26,7 +25,7 @@ impl Default for SignIns {
 }
 
 impl SignIns {
-    /// A place for this caller, until it is dropped; `None` when there is none.
+    /// A place for this caller, until it is dropped; `None` if all places are taken.
     pub(super) fn take(&self, caller: &Caller) -> Option<(Option<Share>, OwnedSemaphorePermit)> {
         let share = self.of_address.take(caller).ok()?;
         Some((share, Arc::clone(&self.all).try_acquire_owned().ok()?))

@@ -12,8 +12,8 @@ use relief_base::sha256_of;
 /// The shortest time between two checks of the file.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// The tokens of a file. While the file cannot be read, no token is valid: one of them may have been
-/// removed.
+/// The tokens of a file. While the file cannot be read, no token is valid, because any of them may have
+/// been removed.
 #[derive(Debug)]
 pub struct Tokens {
     path: PathBuf,

@@ -29,7 +29,7 @@ pub(super) async fn join(
     viewer
 }
 
-/// The sets that a view draws, if the reader may see all of them; else none.
+/// The sets that a view draws, if the reader may see all of them; otherwise none.
 async fn visible_sets(parts: &LiveParts, view: &View, reader: Option<&str>) -> ShownSets {
     let (Some(annotations), Some(_)) = (&parts.annotations, reader) else { return ShownSets::Nothing };
     let shown = view.shown();

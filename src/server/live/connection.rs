@@ -226,7 +226,8 @@ impl Connected {
                 Ok(None)
             }
             _ if is_watcher => {
-                let detail = "a watcher only looks; say hello as presenter to move the view or to change it";
+                let detail =
+                    "watchers cannot change the view: open the session with the role presenter to do so";
                 Err(Problem::new(StatusCode::FORBIDDEN, "watcher", detail))
             }
             ClientMessage::Pose(pose) => self.pose(pose, now),

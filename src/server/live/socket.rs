@@ -36,10 +36,9 @@ use relief_session::{Presentation, VolumeEntry, VolumeError, find_phase};
 const OUTBOX: usize = 32;
 /// The longest time that the last messages may take.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Messages of a client that are read after the last one to it.
+/// Most messages of a client that are read after the closing message.
 const MOST_PENDING: usize = 1000;
-/// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked. The number of
-/// pongs has its own limit, [`PingLimit`].
+/// Most bytes that wait in the socket's own buffer: one frame of the largest picture, unpacked. [`PingLimit`] limits the pongs.
 const SOCKET_BUFFER: usize = 96 << 20;
 
 /// The protocol for programs.

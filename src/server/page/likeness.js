@@ -1,5 +1,5 @@
-// How far the views that a display makes of a picture and its depth are from true ones, which are rendered for
-// each eye: one number for each view, and a map of the differences.
+// Compares the views that a display makes of a picture and its depth with views that are rendered for each
+// eye. Computes one number for each view and a map of the differences.
 
 /** The smallest difference that is white in the map: root mean square over views and colours, of 255. */
 const WHITE = 64;

@@ -1,6 +1,5 @@
 // A preview of a 3D display: the views of a frame as a wiggle, in a grid, or as an anaglyph, or their
-// difference from true views. The server makes them of colour and depth, as layouts of a frame, and renders
-// the true ones.
+// difference from true views. The server makes the views of colour and depth, and renders the true ones.
 
 import { compare, inWords } from "./likeness.js";
 import { request, stageQuery } from "./view.js";

@@ -82,6 +82,6 @@ pub struct DrawablesWanted {
     pub shown: ShownSets,
     /// The author whose private sets are drawn too.
     pub author: Option<String>,
-    /// The verified names of all viewers, in their order: only what each of them may see is drawn.
+    /// The verified names of all viewers. Only items that each of them may see are drawn.
     pub readers: BTreeSet<String>,
 }

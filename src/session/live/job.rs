@@ -26,7 +26,7 @@ pub(super) struct FrameJob {
     pub(super) display: DisplaySettings,
     pub(super) number: u64,
     pub(super) revision: u64,
-    /// Viewers who had joined a view that draws what they may not see.
+    /// The value of `audience` of the view when the job was made.
     pub(super) audience: u64,
     pub(super) is_still: bool,
     pub(super) activity: Activity,

@@ -10,11 +10,10 @@ use crate::engine::Engine;
 
 impl Views {
     /// The view of this name, or a new one with this presentation. Call it inside a tokio runtime,
-    /// which runs the render loop. `caller` is whose share of the views a new one takes, if callers have
-    /// shares.
+    /// which runs the render loop. A new view counts for `caller`, who has a limited number of views; `None` is a caller without a limit.
     ///
     /// # Errors
-    /// When there are as many views as allowed, in all or of the caller.
+    /// When the server or the caller has as many views as allowed.
     pub fn find_or_open(
         self: &Arc<Self>,
         engine: &Arc<Engine>,

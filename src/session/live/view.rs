@@ -95,7 +95,8 @@ struct Inner {
     settings: u64,
     /// Revision of the annotations that are drawn; `None` when they have to be read.
     drawn_revision: Option<u64>,
-    /// Counts the viewers who joined and may not see all that the view drew.
+    /// Rises when a viewer joins who may not see all annotations that the view draws. Frames of an earlier
+    /// value are dropped.
     audience: u64,
 }
 
@@ -300,7 +301,8 @@ impl View {
         self.lock().next(now, patience)
     }
 
-    /// Makes a frame the newest one, unless a viewer who may not see all of it has joined since it was begun.
+    /// Makes a frame the newest one. A frame of an earlier audience is dropped: it may show annotations
+    /// that a new viewer may not see.
     pub(super) fn publish(&self, frame: Arc<ViewFrame>, audience: u64) {
         let ViewFrame { number, revision, is_still, rendering, .. } = *frame;
         let mut inner = self.lock();

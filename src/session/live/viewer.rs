@@ -19,7 +19,7 @@ pub struct Viewer {
     pub role: Role,
     /// Whether it sends no acknowledgements (MJPEG, single frames).
     pub is_plain: bool,
-    /// Its verified name, where the server requires one: the view draws only what all of its viewers may see.
+    /// The verified name of its user; `None` on an open server.
     pub reader: Option<String>,
     flow: Mutex<Flow>,
     /// Notified when the viewer has capacity again.

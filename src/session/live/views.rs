@@ -21,7 +21,7 @@ pub struct Views {
     pub(super) patience: Delays,
 }
 
-/// A view, and the caller who opened it: `None` for callers without a limit.
+/// A view and the caller who opened it; `None` for callers without a limit.
 #[derive(Debug)]
 struct Opened {
     view: Arc<View>,
@@ -31,16 +31,16 @@ struct Opened {
 /// A view could not be opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError {
-    /// All views are taken.
+    /// The server has as many views as allowed.
     #[error("the limit of open views is reached; try again soon")]
     Full,
-    /// The caller's views are all watched.
-    #[error("{0} of your views are open, as many as one caller may have")]
+    /// The caller has as many views as allowed, and all of them have viewers.
+    #[error("you have {0} open views, the most that one caller may have")]
     OfCaller(usize),
 }
 
 impl Views {
-    /// An empty registry for at most `most` views, half of them one caller's.
+    /// An empty registry for at most `most` views. One caller may have half of them.
     #[must_use]
     pub fn new(most: usize, patience: Delays) -> Arc<Self> {
         Arc::new(Self { views: Mutex::default(), most, most_of_caller: most.div_ceil(2), patience })
@@ -59,7 +59,7 @@ impl Views {
     /// loop must be started.
     ///
     /// # Errors
-    /// When there are as many views as allowed, in all or of the caller.
+    /// When the server or the caller has as many views as allowed.
     pub(super) fn find_or_add(
         &self,
         name: &str,
@@ -77,7 +77,7 @@ impl Views {
             self.retire(&mut views, left).ok_or(OpenError::OfCaller(self.most_of_caller))?;
         }
         if views.len() >= self.most {
-            // A request without a session may open any number of views that never have a viewer.
+            // Requests without a session can open many views that never get a viewer.
             self.retire(&mut views, |opened| opened.view.unseen_since()).ok_or(OpenError::Full)?;
         }
         let view = Arc::new(View::new(name.to_owned(), presentation, Instant::now()));
@@ -86,7 +86,7 @@ impl Views {
         Ok((view, true))
     }
 
-    /// Makes room: ends the view that has been idle the longest. `None` if none is.
+    /// Ends the view that has been idle the longest, by `since`; `None` if no view is idle.
     fn retire(
         &self,
         views: &mut HashMap<String, Opened>,

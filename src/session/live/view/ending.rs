@@ -11,13 +11,13 @@ impl View {
         (!inner.was_joined).then_some(inner.idle_since)
     }
 
-    /// Since when the view has been without a viewer; `None` when it has one.
+    /// When the last viewer left; `None` if the view has a viewer.
     pub(in crate::live) fn idle_since(&self) -> Option<Instant> {
         let inner = self.lock();
         inner.viewers.is_empty().then_some(inner.idle_since)
     }
 
-    /// Lets the view end now, as after `linger` without viewers. No session comes back to it.
+    /// Ends the view now, as after `linger` without viewers. Sessions cannot resume it.
     pub(in crate::live) fn retire(&self, linger: Duration) {
         self.ended.send_replace(true);
         let mut inner = self.lock();

@@ -114,6 +114,7 @@ mod tests {
     use crate::live::Viewer;
     use crate::live::presentation::Presentation;
     use crate::volumes::LoadedVolume;
+    use relief_annotation::ShownSets;
     use relief_dicom::{Phase, SeriesIdentity};
     use relief_live::{Intent, Play, Role, Settings};
     use relief_volume::{Grid, Volume};
